@@ -1,0 +1,461 @@
+"""Tables of point-spread functions integrated over pixels (TOG 1982, eqs. 23 and 24, figure 10).
+
+A table is the response of the pixels around a sample, as `RowDifferences`, normalised to 1. Tables are
+made for the circles of confusion that a picture needs, at equal steps of depth as the papers have
+them or at equal steps of the circle itself (the default, which wastes none where it hardly changes).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from .aperture import IntArray, RowDifferences, SamplePosition, ellipse_rows, polygon_rows, polygon_vertices
+from .camera import Film
+from .diffraction import lommel_intensity
+from .errors import SettingsError
+from .lens import CocModel, FloatArray, Lens, circle_of_confusion, image_distance
+
+PsfKind = Literal["disc", "lommel"]
+"""``disc`` is the aperture's geometrical image, evenly lit; ``lommel`` its diffraction pattern."""
+
+TableSpacing = Literal["coc", "equal-z"]
+TableLookup = Literal["nearest", "interpolated"]
+
+PSF_KINDS: Final[tuple[PsfKind, ...]] = ("disc", "lommel")
+TABLE_SPACINGS: Final[tuple[TableSpacing, ...]] = ("coc", "equal-z")
+TABLE_LOOKUPS: Final[tuple[TableLookup, ...]] = ("nearest", "interpolated")
+
+PRIMARY_WAVELENGTHS: Final = (611e-9, 549e-9, 464e-9)
+"""Dominant wavelengths in metres of the Rec. 709 red, green and blue primaries."""
+
+MAX_TABLES: Final = 20_000
+
+_DIFFRACTION_MARGIN: Final = 10.0 * math.pi
+"""How far in v past the geometric shadow edge the diffraction pattern is kept.
+
+An Airy pattern has 98 % of its light within it; the rest is given back by the normalisation.
+"""
+
+_LEAST_POLYGON: Final = 1e-3
+"""Diameter in pixels below which a polygon is drawn no smaller, so that it keeps an area."""
+
+_ANNULI_PER_PIXEL: Final = 16
+_NODES_PER_RADIAN: Final = 1.2
+"""Gauss-Legendre nodes for each unit of v; the intensity has no period shorter than pi."""
+
+
+@dataclass(frozen=True, slots=True)
+class PsfSettings:
+    """Which point-spread function, and how it is tabulated.
+
+    Parameters
+    ----------
+    kind : {"disc", "lommel"}
+        Geometrical or diffraction pattern.
+    tables : {"coc", "equal-z"}
+        Tables at equal steps of the circle of confusion or of depth.
+    lookup : {"nearest", "interpolated"}
+        Whether a sample takes the nearest table or a mixture of the two beside it.
+    step : float, optional
+        Step between tables: pixels of diameter for ``coc``, metres for ``equal-z``. By default 1/8 pixel
+        (1/4 for ``lommel``), and a thousandth of the depth range.
+    wavelengths : tuple of float
+        Wavelengths in metres of the red, green and blue primaries, for ``lommel``.
+
+    Raises
+    ------
+    SettingsError
+        If the step or a wavelength is not positive.
+    """
+
+    kind: PsfKind = "disc"
+    tables: TableSpacing = "coc"
+    lookup: TableLookup = "nearest"
+    step: float | None = None
+    wavelengths: tuple[float, float, float] = PRIMARY_WAVELENGTHS
+
+    def __post_init__(self) -> None:
+        if self.step is not None and not (math.isfinite(self.step) and self.step > 0.0):
+            raise SettingsError(f"The step between tables must be greater than 0, not {self.step:g}.")
+        if not all(math.isfinite(w) and w > 0.0 for w in self.wavelengths):
+            raise SettingsError("Wavelengths must be greater than 0.")
+
+
+@dataclass(frozen=True, slots=True)
+class TableAssignment:
+    """Which table each sample takes.
+
+    Parameters
+    ----------
+    circles : ndarray of float64 of shape (tables,)
+        Signed diameter of the circle of confusion of each table in metres, near ones first for ``coc``.
+    table : ndarray of int32, the samples' shape
+        Index of the sample's table.
+    fraction : ndarray of float32, the samples' shape, or None
+        Share of the table after it, from 0 to 1, when looked up interpolated.
+    """
+
+    circles: FloatArray
+    table: npt.NDArray[np.int32]
+    fraction: npt.NDArray[np.float32] | None
+
+
+@dataclass(frozen=True, slots=True)
+class PackedTables:
+    """All tables of a picture in flat arrays, as the kernels read them.
+
+    Table t has the rows ``rows[t]`` to ``rows[t + 1]``, the first at offset ``first_row[t]``; row r has
+    the entries ``row_begin[r]`` to ``row_end[r]``. See `RowDifferences` for the rest.
+    """
+
+    first_row: npt.NDArray[np.int32]
+    rows: IntArray
+    row_begin: IntArray
+    row_end: IntArray
+    offset: npt.NDArray[np.int32]
+    delta: FloatArray
+    symmetric: bool
+    mirror: int
+
+    @property
+    def count(self) -> int:
+        """Number of tables."""
+        return self.first_row.size
+
+    @property
+    def primaries(self) -> int:
+        """1 where all colours share a PSF, 3 where each primary has its own."""
+        return int(self.delta.shape[1])
+
+    @property
+    def last_row(self) -> npt.NDArray[np.int32]:
+        """Offset of each table's last row."""
+        return (self.first_row + np.diff(self.rows) - 1).astype(np.int32)
+
+    @property
+    def reach_x(self) -> int:
+        """Largest horizontal distance in pixels that any table covers, either way."""
+        return int(np.abs(self.offset).max()) + 1
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the tables in bytes."""
+        return sum(
+            int(a.nbytes)
+            for a in (self.first_row, self.rows, self.row_begin, self.row_end, self.offset, self.delta)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PsfBuilder:
+    """Makes tables for one lens on one film.
+
+    Parameters
+    ----------
+    lens : Lens
+        The focused lens with its aperture.
+    film : Film
+        The pixel grid that the tables are for.
+    model : {"cycles", "paper"}
+        How out-of-focus points are imaged. The papers' diffraction pattern ends at the circle of
+        confusion (TOG 1982, section 3.2); ours fades out past it.
+    settings : PsfSettings
+        Kind of PSF and of tables.
+    position : {"center", "corner"}
+        Where samples lie on the pixel grid.
+
+    Raises
+    ------
+    SettingsError
+        If diffraction is asked of an aperture that is not round.
+    """
+
+    lens: Lens
+    film: Film
+    model: CocModel = "cycles"
+    settings: PsfSettings = field(default_factory=PsfSettings)
+    position: SamplePosition = "center"
+
+    def __post_init__(self) -> None:
+        if self.settings.kind == "lommel" and not self.lens.is_round:
+            raise SettingsError(
+                "Lommel's diffraction pattern is that of a round aperture; "
+                "set the blades to 0 or choose the disc PSF."
+            )
+
+    def assign(self, depth: npt.NDArray[np.floating]) -> TableAssignment:
+        """Choose the tables for samples.
+
+        Parameters
+        ----------
+        depth : ndarray of float
+            Depths of the samples in metres, any shape, greater than 0; ``inf`` is valid.
+
+        Returns
+        -------
+        TableAssignment
+            Tables that are in use and the samples' indices into them.
+
+        Raises
+        ------
+        SettingsError
+            If more tables would be needed than is sensible.
+        """
+        settings = self.settings
+        spacing = _EqualDepths if settings.tables == "equal-z" else _EqualCircles
+        steps = spacing.create(self, depth)
+        position = steps.index(depth)
+        if settings.lookup == "nearest":
+            index = np.rint(position).astype(np.int64)
+            fraction = None
+        else:
+            below = np.floor(position)
+            index = below.astype(np.int64)
+            fraction = (position - below).astype(np.float32)
+        first = int(index.min())
+        used = np.bincount((index - first).reshape(-1)) > 0
+        if fraction is not None:
+            used = np.append(used, False)
+            used[1:] |= used[:-1].copy()
+        values = np.flatnonzero(used)
+        if values.size > MAX_TABLES:
+            raise SettingsError(
+                f"The picture needs {values.size} tables of point-spread functions and {MAX_TABLES} is the "
+                "most; use a larger step between them or tables at equal steps of the circle."
+            )
+        compact = np.zeros(used.size, dtype=np.int32)
+        compact[values] = np.arange(values.size)
+        return TableAssignment(
+            circles=steps.circle(values + first), table=compact[index - first], fraction=fraction
+        )
+
+    def tables(self, circles: FloatArray) -> Iterator[RowDifferences]:
+        """Make tables one by one.
+
+        Parameters
+        ----------
+        circles : ndarray of float64 of shape (tables,)
+            Signed diameters of the circle of confusion in metres.
+
+        Yields
+        ------
+        RowDifferences
+            The table for each circle, normalised to 1.
+        """
+        if self.settings.kind == "lommel":
+            yield from self._lommel_tables(circles)
+        elif self.lens.is_round:
+            for circle in np.abs(circles):
+                yield ellipse_rows(*self._radii(0.5 * circle), self.position)
+        else:
+            lens = self.lens
+            corners = polygon_vertices(lens.blades, lens.blade_rotation, lens.anamorphic_ratio)
+            # Beyond the plane in focus the aperture's image stands upright, before it on its head.
+            # Pixel rows count downwards.
+            corners = corners * [0.5 / self.film.pitch_x, -0.5 / self.film.pitch_y]
+            least = _LEAST_POLYGON * self.film.pitch_x
+            for circle in circles:
+                size = math.copysign(max(abs(circle), least), circle)
+                yield polygon_rows(corners * size, self.position)
+
+    def pack(self, tables: list[RowDifferences]) -> PackedTables:
+        """Put tables into flat arrays.
+
+        Parameters
+        ----------
+        tables : list of RowDifferences
+            At least one, all of this builder's.
+
+        Returns
+        -------
+        PackedTables
+            The same tables.
+        """
+        entries = np.cumsum([0] + [t.offset.size for t in tables])
+        return PackedTables(
+            first_row=np.array([t.first_row for t in tables], dtype=np.int32),
+            rows=np.cumsum([0] + [t.row_begin.size for t in tables]),
+            row_begin=np.concatenate([t.row_begin + e for t, e in zip(tables, entries, strict=False)]),
+            row_end=np.concatenate([t.row_end + e for t, e in zip(tables, entries, strict=False)]),
+            offset=np.concatenate([t.offset for t in tables]).astype(np.int32),
+            delta=np.concatenate([t.delta for t in tables]),
+            symmetric=tables[0].symmetric,
+            mirror=tables[0].mirror,
+        )
+
+    def _radii(self, radius: float) -> tuple[float, float]:
+        """Return the semi-axes in pixels of a circle's image, squeezed by the anamorphic ratio."""
+        ratio = self.lens.anamorphic_ratio
+        return radius / self.film.pitch_x / ratio, radius / self.film.pitch_y
+
+    def _optical_defocus(self, circles: FloatArray, wavelength: float) -> FloatArray:
+        """Return |u| of the points that have these circles of confusion."""
+        wave_number = 2.0 * math.pi / wavelength
+        if self.model == "cycles":
+            # The image plane is at F, so v = k (d/2F) r is exact and u is v at the circle's rim.
+            return np.asarray(wave_number / (4.0 * self.lens.f_stop) * np.abs(circles))
+        # TOG 1982, eq. 18, with V_P from c = d (V_D - V_P) / V_P.
+        plane = float(image_distance(self.lens.focus_distance, self.lens.focal_length))
+        shift = plane * circles / (self.lens.aperture_diameter + circles)
+        return np.asarray(wave_number * (0.5 / self.lens.f_stop) ** 2 * np.abs(shift))
+
+    def _lommel_tables(self, circles: FloatArray) -> Iterator[RowDifferences]:
+        """Make diffraction tables: sums of discs, one for each annulus of the radial profile.
+
+        The pattern is taken as constant over annuli of 1/16 pixel, with exactly the light that the
+        profile has in each. A stack of discs with exact pixel coverage then gives the pixel integrals.
+        """
+        per_v = [w * self.lens.f_stop / math.pi for w in self.settings.wavelengths]
+        step = min(self.film.pitch_x, self.film.pitch_y) / _ANNULI_PER_PIXEL
+        margin = _DIFFRACTION_MARGIN * max(per_v) if self.model == "cycles" else 0.0
+        reaches = [max(0.5 * abs(float(c)) + margin, step) for c in circles]
+        discs = self._disc_stack(math.ceil(max(reaches) / step), step)
+        rows, columns = discs.shape_quadrant
+        for circle, reach in zip(circles, reaches, strict=True):
+            annuli = max(1, math.ceil(reach / step))
+            weights = np.empty((annuli, 3))
+            for primary, wavelength in enumerate(self.settings.wavelengths):
+                u = float(self._optical_defocus(np.asarray(circle), wavelength))
+                mean = _annulus_means(u, step / per_v[primary], annuli)
+                # Disc k, of radius (k + 1) step, lies under all annuli up to k.
+                weights[:, primary] = mean - np.append(mean[1:], 0.0)
+            quadrant = np.asarray(discs.stack[:, :annuli] @ weights).reshape(rows, columns, 3)
+            yield _rows_of_quadrant(quadrant, self.position)
+
+    def _disc_stack(self, count: int, step: float) -> _DiscStack:
+        """Return the row differences of discs with radii step, 2 step ... in metres, in one quadrant."""
+        data, row, column = [], [], []
+        widest = ellipse_rows(*self._radii(count * step), self.position)
+        rows = widest.first_row + widest.row_begin.size
+        columns = int(widest.offset.max()) + 1
+        for k in range(count):
+            rx, ry = self._radii((k + 1) * step)
+            disc = ellipse_rows(rx, ry, self.position)
+            area = math.pi * rx * ry
+            for j in range(disc.first_row + disc.row_begin.size):
+                entries = slice(disc.row_begin[j - disc.first_row], disc.row_end[j - disc.first_row])
+                data.append(disc.delta[entries, 0] * area)
+                row.append(j * columns + disc.offset[entries])
+                column.append(np.full(data[-1].size, k))
+        stack = sparse.csc_matrix(
+            (np.concatenate(data), (np.concatenate(row), np.concatenate(column))),
+            shape=(rows * columns, count),
+        )
+        return _DiscStack(stack, (rows, columns))
+
+
+@dataclass(frozen=True, slots=True)
+class _DiscStack:
+    stack: sparse.csc_matrix
+    shape_quadrant: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class _EqualCircles:
+    """Steps equal in the circle's diameter up to a size, then equal in its ratio.
+
+    Past that size a table differs from the next by less than half a percent of the circle, so a sample
+    before the lens does not cost thousands of tables.
+    """
+
+    scale: float
+    builder: PsfBuilder
+    step: float
+    even_until: float
+
+    @classmethod
+    def create(cls, builder: PsfBuilder, depth: npt.NDArray[np.floating]) -> _EqualCircles:
+        del depth
+        lommel = builder.settings.kind == "lommel"
+        step = builder.settings.step or (0.25 if lommel else 0.125)
+        return cls(builder.film.pitch_x, builder, step, even_until=max(16.0 if lommel else 32.0, 8.0 * step))
+
+    def index(self, depth: npt.NDArray[np.floating]) -> FloatArray:
+        circle = circle_of_confusion(depth, self.builder.lens, self.builder.model) / self.scale
+        size = np.abs(circle)
+        with np.errstate(divide="ignore"):
+            grown = self.even_until * (1.0 + np.log(size / self.even_until))
+        return np.asarray(np.sign(circle) * np.where(size <= self.even_until, size, grown) / self.step)
+
+    def circle(self, index: IntArray) -> FloatArray:
+        size = np.abs(index) * self.step
+        grown = self.even_until * np.exp(np.maximum(size / self.even_until - 1.0, 0.0))
+        return np.asarray(np.sign(index) * np.where(size <= self.even_until, size, grown) * self.scale)
+
+
+@dataclass(frozen=True, slots=True)
+class _EqualDepths:
+    """Steps equal in depth between the nearest and the farthest sample (TOG 1982, section 3.2).
+
+    Samples at infinity, which the papers' closed scenes have not, share one table after the last.
+    """
+
+    builder: PsfBuilder
+    nearest: float
+    step: float
+    last: int
+
+    @classmethod
+    def create(cls, builder: PsfBuilder, depth: npt.NDArray[np.floating]) -> _EqualDepths:
+        finite = depth[np.isfinite(depth)]
+        if finite.size == 0:
+            return cls(builder, nearest=1.0, step=1.0, last=0)
+        nearest, farthest = float(finite.min()), float(finite.max())
+        step = builder.settings.step or max((farthest - nearest) / 1000.0, 1e-6)
+        return cls(builder, nearest, step, last=math.ceil((farthest - nearest) / step))
+
+    def index(self, depth: npt.NDArray[np.floating]) -> FloatArray:
+        # One index is left free so that interpolation never reaches the table of infinity.
+        return np.where(np.isfinite(depth), (depth - self.nearest) / self.step, self.last + 2.0)
+
+    def circle(self, index: IntArray) -> FloatArray:
+        depth = np.where(index >= self.last + 2, math.inf, self.nearest + index * self.step)
+        return circle_of_confusion(depth, self.builder.lens, self.builder.model)
+
+
+def _annulus_means(u: float, width: float, count: int) -> FloatArray:
+    """Return the mean intensity in annuli of equal `width` in v, by Gauss-Legendre in each."""
+    nodes, weights = np.polynomial.legendre.leggauss(max(3, math.ceil(width * _NODES_PER_RADIAN)))
+    edges = np.arange(count) * width
+    v = edges[:, np.newaxis] + 0.5 * width * (nodes + 1.0)
+    energy = (lommel_intensity(u, v) * v) @ (0.5 * width * weights)
+    return np.asarray(2.0 * energy / ((edges + width) ** 2 - edges**2))
+
+
+def _rows_of_quadrant(quadrant: FloatArray, position: SamplePosition) -> RowDifferences:
+    """Return a table from its lower right quadrant of row differences, normalised to 1.
+
+    Parameters
+    ----------
+    quadrant : ndarray of shape (rows, columns, primaries)
+        Differences of pixel values along the rows; column 0, where symmetry leaves none, is 0.
+    position : {"center", "corner"}
+        Where samples lie on the pixel grid.
+    """
+    mirror = 1 if position == "center" else 0
+    last = int(np.flatnonzero(np.abs(quadrant).max(axis=(1, 2)) > 0.0).max())
+    quadrant = quadrant[: last + 1]
+    # The value of a column is minus the sum of the differences beyond it, since the last one is 0.
+    values = -np.cumsum(quadrant[:, ::-1], axis=1)[:, ::-1]
+    beyond = np.concatenate([values[:, 1:], np.zeros_like(values[:, :1])], axis=1)
+    total = 2.0 * beyond.sum(axis=1) - mirror * beyond[:, 0]
+    total = 2.0 * total.sum(axis=0) - mirror * total[0]
+    row, column = np.nonzero(np.abs(quadrant).max(axis=2) > 0.0)
+    rows = np.arange(last + 1)
+    begin, end = np.searchsorted(row, rows), np.searchsorted(row, rows, side="right")
+    return RowDifferences(
+        first_row=-(last + 1) + mirror,
+        row_begin=np.concatenate([begin[mirror:][::-1], begin]),
+        row_end=np.concatenate([end[mirror:][::-1], end]),
+        offset=column,
+        delta=quadrant[row, column] / total,
+        position=position,
+        symmetric=True,
+    )
