@@ -1,0 +1,173 @@
+"""What a samples file holds: the papers' hidden-surface samples, one set for each view layer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .aperture import SamplePosition
+from .camera import Camera, Film
+
+Float32Array = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A rectangle of pixels: first column and row, and the ones after the last; y down."""
+
+    x0: int
+    y0: int
+    x1: int
+    y1: int
+
+    @property
+    def columns(self) -> int:
+        """Number of columns."""
+        return self.x1 - self.x0
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return self.y1 - self.y0
+
+    def intersection(self, other: Window) -> Window:
+        """Return the pixels that both windows have; without any, a window of no size."""
+        x0, y0 = max(self.x0, other.x0), max(self.y0, other.y0)
+        return Window(x0, y0, max(x0, min(self.x1, other.x1)), max(y0, min(self.y1, other.y1)))
+
+
+@dataclass(frozen=True, slots=True)
+class SampleLayer:
+    """The samples of one view layer, on the pixel grid of the data window.
+
+    Parameters
+    ----------
+    name : str
+        The view layer's name; empty where the file names none.
+    color : ndarray of float32 of shape (rows, columns, 4)
+        Premultiplied red, green, blue, alpha; scene-linear and finite.
+    depth : ndarray of float32 of shape (rows, columns) or None
+        Depth z' along the optical axis in metres, greater than 0; ``inf`` where there is no surface.
+    object_index : ndarray of int32 of shape (rows, columns) or None
+        Pass index of the object seen.
+    vector : ndarray of float32 of shape (rows, columns, 4) or None
+        Motion in pixels as the file has it (Blender: to the previous frame x, y, to the next x, y).
+    """
+
+    name: str
+    color: Float32Array
+    depth: Float32Array | None = None
+    object_index: npt.NDArray[np.int32] | None = None
+    vector: Float32Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LensAttributes:
+    """What a file says of lens and aperture; ``None`` where it says nothing. Metres and radians."""
+
+    focal_length: float | None = None
+    f_stop: float | None = None
+    focus_distance: float | None = None
+    blades: int | None = None
+    blade_rotation: float | None = None
+    anamorphic_ratio: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Shutter:
+    """What a file says of the exposure: exposure time in seconds and frames per second."""
+
+    exposure_time: float | None = None
+    frames_per_second: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """A samples file in memory.
+
+    Parameters
+    ----------
+    layers : tuple of SampleLayer
+        At least one.
+    data_window : Window
+        Where the samples lie. May be smaller than the display window or reach past it (overscan).
+    display_window : Window
+        The picture.
+    pixel_aspect : float
+        Width over height of a pixel.
+    position : {"center", "corner"}
+        Whether samples lie at pixel centres or corners. Corner samples are one more than the pixels,
+        each way.
+    supersampling : int
+        Samples for each final pixel, each way; results are averaged down by it.
+    lens : LensAttributes
+        Lens and aperture of the camera.
+    film : Film or None
+        The display window on the film.
+    camera : Camera or None
+        The pinhole camera that the samples were made with.
+    shutter : Shutter
+        The exposure.
+    repaired : dict of str to int
+        How many values of each kind were not finite and were replaced from their neighbours.
+    attributes : dict
+        Header attributes that a result carries on, as the OpenEXR module has them.
+    """
+
+    layers: tuple[SampleLayer, ...]
+    data_window: Window
+    display_window: Window
+    pixel_aspect: float = 1.0
+    position: SamplePosition = "center"
+    supersampling: int = 1
+    lens: LensAttributes = field(default_factory=LensAttributes)
+    film: Film | None = None
+    camera: Camera | None = None
+    shutter: Shutter = field(default_factory=Shutter)
+    repaired: dict[str, int] = field(default_factory=dict)
+    attributes: dict[str, Any] = field(default_factory=dict)
+
+
+def repair(values: Float32Array, broken: npt.NDArray[np.bool_]) -> int:
+    """Replace broken values by the mean of their sound neighbours, from the rim of a hole inwards.
+
+    Parameters
+    ----------
+    values : ndarray of float32 of shape (rows, columns) or (rows, columns, channels)
+        Changed in place.
+    broken : ndarray of bool of shape (rows, columns)
+        Which pixels to replace. Where no pixel is sound all become 0.
+
+    Returns
+    -------
+    int
+        Number of pixels replaced.
+    """
+    count = int(np.count_nonzero(broken))
+    if count == 0:
+        return 0
+    rows, columns = broken.shape
+    values[broken] = 0.0
+    if count == broken.size:
+        return count
+    left = np.argwhere(broken)
+    sound = ~broken
+    around = np.array([(j, i) for j in (-1, 0, 1) for i in (-1, 0, 1) if (j, i) != (0, 0)])
+    while left.size:
+        near = left[:, np.newaxis] + around
+        inside = ((near >= 0) & (near < [rows, columns])).all(axis=2)
+        j, i = np.clip(near[..., 0], 0, rows - 1), np.clip(near[..., 1], 0, columns - 1)
+        usable = inside & sound[j, i]
+        number = usable.sum(axis=1)
+        ready = number > 0
+        taken = values[j[ready], i[ready]].astype(np.float64)
+        mask = usable[ready].reshape(usable[ready].shape + (1,) * (taken.ndim - 2))
+        mean = (taken * mask).sum(axis=1) / number[ready].reshape((-1,) + (1,) * (taken.ndim - 2))
+        done = left[ready]
+        values[done[:, 0], done[:, 1]] = mean
+        sound[done[:, 0], done[:, 1]] = True
+        left = left[~ready]
+    return count
