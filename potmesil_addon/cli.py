@@ -1,0 +1,535 @@
+"""The command line: ``info``, ``dof``, ``psf`` and ``process``, with or without Blender.
+
+Exit status: 0 done, 2 usage, 3 input missing or wrong, 4 failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from . import __version__, exr, jit, png
+from .camera import Film, pan_tilt_swing
+from .diffraction import lommel_intensity, optical_defocus, optical_radius
+from .errors import EXIT_DONE, EXIT_FAILED, PotmesilError, SettingsError
+from .files import whole_file
+from .focus import WEIGHTINGS
+from .lens import COC_MODELS, DEFAULT_CRITERION, DepthOfField, Lens, circle_of_confusion, depth_of_field
+from .lens import depth_of_field_for_circle
+from .process import ProcessSettings, Result, process, run
+from .psf import (
+    PRIMARY_WAVELENGTHS,
+    PSF_KINDS,
+    TABLE_LOOKUPS,
+    TABLE_SPACINGS,
+    PsfBuilder,
+    PsfSettings,
+)
+from .samples import LensAttributes, Samples
+from .scatter import BACKENDS
+
+_EXIT_INTERRUPTED: Final = 130
+_PAST_THE_EDGE: Final = 10.0 * math.pi
+_MAX_PROFILE: Final = 20_000
+
+
+def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m potmesil_addon") -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Words after the program's name; by default the process's own.
+    prog : str
+        Name of the program in its help.
+
+    Returns
+    -------
+    int
+        Exit status.
+    """
+    parser = build_parser(prog)
+    try:
+        options = parser.parse_args(arguments)
+    except SystemExit as stop:
+        # Blender's own command line takes a return value, not an exception.
+        return int(stop.code or 0)
+    try:
+        status: int = options.run(options)
+    except PotmesilError as error:
+        print(f"Error: {error}", file=sys.stderr)
+        return error.exit_status
+    except MemoryError:
+        print("Error: There is not enough memory for this picture; use a machine with more.", file=sys.stderr)
+        return EXIT_FAILED
+    except KeyboardInterrupt:
+        return _EXIT_INTERRUPTED
+    return status
+
+
+def build_parser(prog: str) -> argparse.ArgumentParser:
+    """Return the parser of all commands.
+
+    Parameters
+    ----------
+    prog : str
+        Name of the program in its help.
+
+    Returns
+    -------
+    argparse.ArgumentParser
+        Parser whose result has a ``run`` function.
+    """
+    parser = argparse.ArgumentParser(
+        prog=prog, description="Depth of field for rendered pictures, after the render."
+    )
+    parser.add_argument("--version", action="version", version=f"Potmesil Camera {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    add_core_commands(commands)
+    return parser
+
+
+def add_core_commands(commands: Any) -> None:
+    """Add the commands that need no Blender to a parser's subparsers.
+
+    Parameters
+    ----------
+    commands : argparse subparsers
+        What ``add_subparsers`` returned.
+    """
+    info = commands.add_parser("info", help="say what a samples file holds")
+    info.add_argument("input", type=Path, metavar="IN.exr")
+    info.add_argument("--json", action="store_true", help="print JSON")
+    info.set_defaults(run=_info)
+
+    dof = commands.add_parser("dof", help="print the limits of the depth of field")
+    _add_lens(dof, required=True)
+    criterion = dof.add_mutually_exclusive_group()
+    criterion.add_argument(
+        "--criterion",
+        type=float,
+        default=DEFAULT_CRITERION,
+        help="distance over the smallest diameter that the eye resolves at it (default %(default)g)",
+    )
+    criterion.add_argument(
+        "--circle-mm", type=float, help="largest circle of confusion on the film instead, in millimetres"
+    )
+    dof.add_argument("--coc-model", choices=COC_MODELS, default="cycles", help="used with --circle-mm")
+    dof.add_argument("--json", action="store_true", help="print JSON; null stands for infinity")
+    dof.set_defaults(run=_dof)
+
+    psf = commands.add_parser("psf", help="print the diffraction pattern of a point out of focus")
+    _add_lens(psf, required=True)
+    psf.add_argument("--depth", type=float, required=True, metavar="M", help="distance of the point")
+    psf.add_argument("--wavelength-nm", type=float, metavar="L", help="default: 549, the green primary")
+    psf.add_argument(
+        "--coc-model", choices=COC_MODELS, default="paper", help="default: %(default)s (TOG 1982, eq. 9)"
+    )
+    psf.add_argument("--psf", choices=PSF_KINDS, default="lommel", help="what the pixel table holds")
+    _add_iris(psf)
+    psf.add_argument("--json", action="store_true", help="print JSON")
+    psf.add_argument("--pixel-pitch-um", type=float, metavar="P", help="pixel size for the table")
+    psf.add_argument("-o", "--output", type=Path, metavar="OUT.exr|OUT.png", help="write the pixel table")
+    psf.set_defaults(run=_psf)
+
+    work = commands.add_parser("process", help="turn a samples file into a picture with depth of field")
+    work.add_argument("input", type=Path, metavar="IN.exr")
+    work.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.exr|OUT.png")
+    add_process_options(work)
+    work.add_argument("--report", type=Path, metavar="OUT.json", help="write what was done as JSON")
+    work.set_defaults(run=_process)
+
+
+def add_process_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that `process_settings` reads; what is not given comes from the file.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Receives the options.
+    """
+    _add_lens(parser, required=False)
+    parser.add_argument(
+        "--sensor-width",
+        type=float,
+        metavar="MM",
+        help="sensor along the width of a landscape picture; the height follows from the pixels' shape",
+    )
+    parser.add_argument(
+        "--sensor-height",
+        type=float,
+        metavar="MM",
+        help="sensor along the height of a portrait picture, or of any where no width is given",
+    )
+    _add_iris(parser)
+    parser.add_argument("--no-lens", action="store_true", help="leave out the focus processor")
+    parser.add_argument("--no-motion", action="store_true", help="leave out the motion processor")
+    parser.add_argument("--coc-model", choices=COC_MODELS, default="cycles")
+    parser.add_argument("--psf", choices=PSF_KINDS, default="disc")
+    parser.add_argument("--tables", choices=TABLE_SPACINGS, default="coc")
+    parser.add_argument("--lookup", choices=TABLE_LOOKUPS, default="nearest")
+    parser.add_argument(
+        "--table-step",
+        type=float,
+        metavar="STEP",
+        help="between tables: pixels of circle for coc, millimetres of depth for equal-z",
+    )
+    parser.add_argument(
+        "--weighting", choices=WEIGHTINGS, default="1982", help="1981 weighs samples by 1/z^2"
+    )
+    parser.add_argument(
+        "--layer",
+        action="append",
+        metavar="NAME",
+        help="view layer to take; may be repeated (default: all that have a depth)",
+    )
+    parser.add_argument("--backend", choices=BACKENDS, default="auto")
+    parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+
+
+def process_settings(options: argparse.Namespace) -> ProcessSettings:
+    """Return the settings that the options of `add_process_options` ask for.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Parsed options.
+
+    Returns
+    -------
+    ProcessSettings
+        In the core's units.
+
+    Raises
+    ------
+    SettingsError
+        If a value is out of range.
+    """
+    step = options.table_step
+    if step is not None and options.tables == "equal-z":
+        step /= 1000.0
+    return ProcessSettings(
+        use_lens=not options.no_lens,
+        lens=LensAttributes(
+            focal_length=_millimetres(options.focal_length),
+            f_stop=options.fstop,
+            focus_distance=options.focus_distance,
+            blades=options.blades,
+            blade_rotation=None if options.blade_rotation is None else math.radians(options.blade_rotation),
+            anamorphic_ratio=options.anamorphic_ratio,
+        ),
+        sensor_width=_millimetres(options.sensor_width),
+        sensor_height=_millimetres(options.sensor_height),
+        model=options.coc_model,
+        psf=PsfSettings(kind=options.psf, tables=options.tables, lookup=options.lookup, step=step),
+        weighting=options.weighting,
+        backend=options.backend,
+    )
+
+
+def write_result(path: Path, result: Result, samples: Samples) -> None:
+    """Write a picture in the format that its name asks for.
+
+    Parameters
+    ----------
+    path : Path
+        Ends in ``.exr`` (float, scene-linear, premultiplied) or ``.png`` (8-bit sRGB).
+    result : Result
+        The picture.
+    samples : Samples
+        Where it came from; its attributes are carried on.
+
+    Raises
+    ------
+    SettingsError
+        If the name has another ending.
+    OutputError
+        If it cannot be written.
+    """
+    check_output(path)
+    if path.suffix.lower() == ".png":
+        png.write_png(path, result.picture)
+        return
+    window = result.display_window
+    box = (
+        np.array([window.x0, window.y0], dtype=np.int32),
+        np.array([window.x1 - 1, window.y1 - 1], dtype=np.int32),
+    )
+    attributes = {
+        **samples.attributes,
+        "pixelAspectRatio": samples.pixel_aspect,
+        "displayWindow": box,
+        "dataWindow": box,
+    }
+    lens = result.report["lens"]
+    if lens is not None:
+        attributes["nominalFocalLength"] = float(lens["focal_length_mm"])
+        attributes["aperture"] = float(lens["f_stop"])
+        distance = lens["focus_distance_m"]
+        attributes["focus"] = math.inf if distance is None else float(distance)
+        attributes["potmesil:lens"] = json.dumps(lens)
+    exr.write_picture(path, result.picture, attributes)
+
+
+def check_output(path: Path) -> None:
+    """Raise SettingsError unless a result can be written under this name."""
+    if path.suffix.lower() not in (".exr", ".png"):
+        raise SettingsError(f"'{path}' must end in .exr or .png.")
+
+
+def _add_lens(parser: argparse.ArgumentParser, *, required: bool) -> None:
+    parser.add_argument("--focal-length", type=float, required=required, metavar="MM")
+    parser.add_argument("--fstop", type=float, required=required, metavar="N")
+    parser.add_argument("--focus-distance", type=float, required=required, metavar="M")
+
+
+def _add_iris(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--blades", type=int, metavar="N", help="blades of the iris; 0 is round")
+    parser.add_argument("--blade-rotation", type=float, metavar="DEG")
+    parser.add_argument("--anamorphic-ratio", type=float, metavar="R", help="height over width")
+
+
+def _lens(options: argparse.Namespace) -> Lens:
+    return Lens(
+        focal_length=options.focal_length / 1000.0,
+        f_stop=options.fstop,
+        focus_distance=options.focus_distance,
+        blades=getattr(options, "blades", None) or 0,
+        blade_rotation=math.radians(getattr(options, "blade_rotation", None) or 0.0),
+        anamorphic_ratio=_default(getattr(options, "anamorphic_ratio", None), 1.0),
+    )
+
+
+def _default(value: float | None, default: float) -> float:
+    return default if value is None else value
+
+
+def _millimetres(value: float | None) -> float | None:
+    return None if value is None else value / 1000.0
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _dof(options: argparse.Namespace) -> int:
+    lens = _lens(options)
+    limits: DepthOfField
+    if options.circle_mm is None:
+        limits = depth_of_field(lens, options.criterion)
+    else:
+        limits = depth_of_field_for_circle(lens, options.circle_mm / 1000.0, options.coc_model)
+    values = {
+        "hyperfocal_m": limits.hyperfocal,
+        "near_m": limits.near,
+        "far_m": _finite(limits.far),
+        "depth_of_field_m": _finite(limits.total),
+    }
+    if options.json:
+        print(json.dumps(values))
+        return EXIT_DONE
+    for name, value in values.items():
+        label = name.removesuffix("_m").replace("_", " ")
+        print(f"{label:>14}: " + ("infinity" if value is None else f"{value:.4g} m"))
+    return EXIT_DONE
+
+
+def _psf(options: argparse.Namespace) -> int:
+    lens = _lens(options)
+    if not options.depth > 0.0:
+        raise SettingsError(f"--depth must be greater than 0, not {options.depth:g}.")
+    if (options.output is None) != (options.pixel_pitch_um is None):
+        raise SettingsError("--output and --pixel-pitch-um go together: a pixel table needs both.")
+    wavelength = _default(options.wavelength_nm, PRIMARY_WAVELENGTHS[1] * 1e9) * 1e-9
+    if not (wavelength > 0.0 and math.isfinite(wavelength)):
+        raise SettingsError(f"--wavelength-nm must be greater than 0, not {wavelength * 1e9:g}.")
+    circle = float(circle_of_confusion(options.depth, lens, options.coc_model))
+    edge = float(optical_radius(0.5 * abs(circle), lens, wavelength))
+    # With the image plane held at F the exact defocus is v at the circle's rim.
+    u = -math.copysign(edge, circle)
+    if options.coc_model == "paper":
+        u = float(optical_defocus(options.depth, lens, wavelength))
+    if not math.isfinite(u):
+        raise SettingsError("A point at the focal length has no image; choose another --depth.")
+    reach = max(abs(u), edge) + _PAST_THE_EDGE
+    v = np.linspace(0.0, reach, min(max(256, math.ceil(reach * 4.0)), _MAX_PROFILE) + 1)
+    values = {
+        "u": u,
+        "v": v.tolist(),
+        "intensity": lommel_intensity(u, v).tolist(),
+        "coc_mm": circle * 1000.0,
+        "wavelength_nm": wavelength * 1e9,
+        "coc_model": options.coc_model,
+    }
+    if options.output is not None:
+        _write_table(options, lens, circle, None if options.wavelength_nm is None else wavelength)
+    if options.json:
+        print(json.dumps(values))
+    else:
+        print(f"u = {u:.6g}, circle of confusion {circle * 1000.0:.6g} mm")
+    return EXIT_DONE
+
+
+def _write_table(options: argparse.Namespace, lens: Lens, circle: float, wavelength: float | None) -> None:
+    check_output(options.output)
+    pitch = options.pixel_pitch_um * 1e-6
+    film = Film(width=pitch, height=pitch, columns=1, rows=1)
+    colors = PRIMARY_WAVELENGTHS if wavelength is None else (wavelength,) * 3
+    settings = PsfSettings(kind=options.psf, wavelengths=colors)
+    builder = PsfBuilder(lens, film, options.coc_model, settings)
+    table = next(builder.tables(np.array([circle]))).dense()
+    values = np.moveaxis(np.broadcast_to(table, (3, *table.shape[1:])), 0, 2)
+    if options.output.suffix.lower() == ".png":
+        png.write_png_table(options.output, values)
+    else:
+        opaque = np.ones((*values.shape[:2], 1))
+        exr.write_picture(options.output, np.concatenate([values, opaque], axis=2).astype(np.float32), {})
+
+
+def _process(options: argparse.Namespace) -> int:
+    settings = process_settings(options)
+    check_output(options.output)
+    if options.output.resolve() == options.input.resolve():
+        raise SettingsError("The output would replace the samples file; give another name.")
+    jit.set_thread_count(options.threads)
+    samples = exr.read_samples(options.input, tuple(options.layer) if options.layer else None)
+    result = run(process(samples, settings))
+    write_result(options.output, result, samples)
+    for what, count in samples.repaired.items():
+        print(f"Repaired {count} {what} values that were not finite from their neighbours.")
+    if options.report is not None:
+        report = {"input": str(options.input), "output": str(options.output), **result.report}
+        write_json(options.report, report)
+    print(f"Saved: '{options.output}'")
+    return EXIT_DONE
+
+
+def write_json(path: Path, value: dict[str, Any]) -> None:
+    """Write a report as JSON, whole or not at all; NaN and infinity become null.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    value : dict
+        What to write.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    with whole_file(path) as part:
+        part.write_text(json.dumps(_plain(value), indent=2) + "\n", encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return _finite(value)
+    return value
+
+
+def _info(options: argparse.Namespace) -> int:
+    raw = exr.read_raw(options.input)
+    values = describe(raw, exr.samples_of(raw, options.input))
+    if options.json:
+        print(json.dumps(_plain(values)))
+        return EXIT_DONE
+    for name, value in values.items():
+        print(f"{name.replace('_', ' '):>16}: {_readable(value)}")
+    return EXIT_DONE
+
+
+def _readable(value: Any) -> str:
+    if value is None:
+        return "unknown"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, dict):
+        return "; ".join(f"{key.replace('_', ' ')} {_readable(item)}" for key, item in value.items())
+    if isinstance(value, list):
+        inner = ", ".join(_readable(item) for item in value)
+        return inner or "none"
+    return str(value)
+
+
+def describe(raw: exr.RawFile, samples: Samples) -> dict[str, Any]:
+    """Return what a samples file holds, ready for JSON.
+
+    Parameters
+    ----------
+    raw : RawFile
+        Its channels.
+    samples : Samples
+        What was made of them.
+
+    Returns
+    -------
+    dict
+        Sizes in pixels, depths in metres, motion in pixels.
+    """
+    display, data = samples.display_window, samples.data_window
+    layers = []
+    for layer in samples.layers:
+        finite = layer.depth[np.isfinite(layer.depth)] if layer.depth is not None else np.empty(0)
+        motion = None
+        if layer.vector is not None:
+            motion = [float(np.hypot(*np.moveaxis(layer.vector[..., i : i + 2], 2, 0)).max()) for i in (0, 2)]
+        layers.append(
+            {
+                "name": layer.name,
+                "depth_m": [float(finite.min()), float(finite.max())] if finite.size else None,
+                "without_surface": (
+                    None if layer.depth is None else float(np.mean(np.isinf(layer.depth)))
+                ),
+                "objects": None if layer.object_index is None else np.unique(layer.object_index).tolist(),
+                "motion_px": motion,
+            }
+        )
+    camera = None
+    if samples.camera is not None:
+        pan, tilt, swing = pan_tilt_swing(samples.camera.world_to_camera[:3, :3])
+        center = np.linalg.inv(samples.camera.world_to_camera)[:3, 3]
+        camera = {
+            "position_m": center.tolist(),
+            "pan_deg": math.degrees(pan),
+            "tilt_deg": math.degrees(tilt),
+            "swing_deg": math.degrees(swing),
+        }
+    lens = samples.lens
+    return {
+        "size": [display.columns, display.rows],
+        "data_window": [data.x0, data.y0, data.x1, data.y1],
+        "display_window": [display.x0, display.y0, display.x1, display.y1],
+        "pixel_aspect": samples.pixel_aspect,
+        "sample_position": samples.position,
+        "supersampling": samples.supersampling,
+        "parts": raw.parts,
+        "passes": sorted({channel.full_name.rpartition(".")[0] or "RGBAZ" for channel in raw.channels}),
+        "channels": [channel.full_name for channel in raw.channels],
+        "layers": layers,
+        "lens": {
+            "focal_length_mm": None if lens.focal_length is None else lens.focal_length * 1000.0,
+            "f_stop": lens.f_stop,
+            "focus_distance_m": lens.focus_distance,
+            "blades": lens.blades,
+        },
+        "film_mm": (
+            None if samples.film is None else [samples.film.width * 1000.0, samples.film.height * 1000.0]
+        ),
+        "camera": camera,
+        "repaired": samples.repaired,
+    }
+
+

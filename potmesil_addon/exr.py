@@ -1,0 +1,500 @@
+"""Samples files and results as OpenEXR files, through the OpenEXR project's own Python module.
+
+Read are single-part and multi-part files of Blender and plain R, G, B, A, Z files of other programs;
+scan lines or tiles; half, float and unsigned channels. Camera, lens and shutter travel in OpenEXR's
+standard attributes; what those have no name for, in attributes that begin with ``potmesil:``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import OpenEXR
+
+from .camera import Camera, Film, without_scale
+from .errors import InputError, SettingsError
+from .files import whole_file
+from .lens import FloatArray, Lens
+from .passes import ChannelName, parse_channel
+from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Shutter, Window, repair
+
+MAX_PIXELS: Final = 1 << 28
+"""Largest data window that is read, 16384 x 16384; a damaged header can ask for any memory."""
+
+_NO_SURFACE_DEPTH: Final = 1e9
+"""Depths from here on are Blender's way (1e10) of saying that there is no surface."""
+
+_HALF_MAX: Final = 65504.0
+"""The largest half float, which is what infinity and 1e10 become in a half channel."""
+
+_CARRIED: Final = (
+    "nominalFocalLength", "aperture", "focus", "sensorOverallDimensions", "worldToCamera", "worldToNDC",
+    "expTime", "framesPerSecond", "screenWindowCenter", "screenWindowWidth", "chromaticities",
+    "Camera", "Scene", "Frame", "File", "colorInteropID",
+)  # fmt: skip
+"""Attributes that a result takes over from its samples file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A channel of a file with its header-level facts."""
+
+    full_name: str
+    parsed: ChannelName
+    pixels: npt.NDArray[Any]
+    window: Window
+
+
+@dataclass(frozen=True, slots=True)
+class RawFile:
+    """All channels of a file, with the first part's header."""
+
+    header: dict[str, Any]
+    channels: tuple[Channel, ...]
+    parts: int
+
+    @property
+    def display_window(self) -> Window:
+        """The picture."""
+        return _window(self.header["displayWindow"])
+
+
+def read_raw(path: Path) -> RawFile:
+    """Read every channel of an EXR file as it is.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    RawFile
+        Channels under their full names.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, or of a kind that cannot be processed.
+    """
+    file = _read_file(path)
+    views = tuple(file.parts[0].header.get("multiView", ()))
+    channels = []
+    for part in file.parts:
+        window = _window(part.header["dataWindow"])
+        part_name = str(part.header.get("name", ""))
+        for name, channel in part.channels.items():
+            full = name
+            if len(file.parts) > 1 and part_name and not name.startswith(f"{part_name}."):
+                full = f"{part_name}.{name}"
+            channels.append(Channel(full, parse_channel(full, views), channel.pixels, window))
+    return RawFile(dict(file.parts[0].header), tuple(channels), len(file.parts))
+
+
+def read_samples(path: Path, layers: tuple[str, ...] | None = None) -> Samples:
+    """Read a samples file.
+
+    Values that are not finite are replaced from their neighbours and counted; a depth of infinity is
+    none of them. Depths of 0 or less, of 1e9 or more, and the largest half float in a half channel mean
+    that there is no surface.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    layers : tuple of str, optional
+        Names of the layers to read, front to back. By default all with colour, and of those the ones
+        with a depth where any has one.
+
+    Returns
+    -------
+    Samples
+        The file's samples and camera.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, holds no colour, or lacks a layer asked for.
+    """
+    return samples_of(read_raw(path), path, layers)
+
+
+def samples_of(raw: RawFile, path: Path, layers: tuple[str, ...] | None = None) -> Samples:
+    """Return the samples of a file that was read; see `read_samples`."""
+    sets = _layer_channels(raw)
+    if not sets:
+        if {"Y", "RY", "BY"} & {c.full_name.split(".")[-1] for c in raw.channels}:
+            raise InputError(f"'{path}' is a luminance-chroma image; convert it to R, G, B channels.")
+        raise InputError(f"'{path}' has no R, G, B channels; give a render with a Combined pass.")
+    names = _choose_layers(path, sets, layers)
+    windows = {channel.window for name in names for channel in sets[name].values()}
+    if len(windows) > 1:
+        raise InputError(f"The parts of '{path}' have different data windows; write them with one.")
+    data_window = windows.pop()
+    repaired: dict[str, int] = {}
+    built = tuple(_build_layer(name, sets[name], repaired) for name in names)
+    header = raw.header
+    display_window = raw.display_window
+    position = header.get("potmesil:samplePosition", "center")
+    if position not in ("center", "corner"):
+        raise InputError(f"'{path}' has samples at '{position}', which must be center or corner.")
+    supersampling = _number(header, "potmesil:supersampling") or 1.0
+    if supersampling not in (1.0, 2.0, 3.0, 4.0):
+        raise InputError(f"'{path}' claims {supersampling:g} samples a pixel each way; 1 to 4 can be.")
+    if display_window.columns % supersampling or display_window.rows % supersampling:
+        raise InputError(f"The size of '{path}' is no multiple of its supersampling.")
+    film = _film(header, display_window)
+    return Samples(
+        layers=built,
+        data_window=data_window,
+        display_window=display_window,
+        pixel_aspect=_number(header, "pixelAspectRatio") or 1.0,
+        position=position,
+        supersampling=int(supersampling),
+        lens=_lens_attributes(header),
+        film=film,
+        camera=_camera(header, film),
+        shutter=Shutter(_number(header, "expTime"), _number(header, "framesPerSecond")),
+        repaired=repaired,
+        attributes={key: header[key] for key in _CARRIED if key in header},
+    )
+
+
+def camera_attributes(camera: Camera, lens: Lens, shutter: Shutter = Shutter()) -> dict[str, Any]:
+    """Return header attributes that say all of a camera, its lens and its exposure.
+
+    Parameters
+    ----------
+    camera : Camera
+        The pinhole camera.
+    lens : Lens
+        Lens and aperture.
+    shutter : Shutter
+        Exposure time and frame rate, where known.
+
+    Returns
+    -------
+    dict
+        OpenEXR's standard attributes in their own units (millimetres, metres, row vectors, the camera
+        looking along +z), and ``potmesil:`` ones for the iris.
+    """
+    film = camera.film
+    flip = np.diag([1.0, 1.0, -1.0, 1.0])
+    to_pixels = camera.matrix
+    to_ndc = np.stack(
+        [to_pixels[0] / film.columns, to_pixels[1] / film.rows, [0.0, 0.0, 0.0, 1.0], to_pixels[2]]
+    )
+    center = (
+        (0.5 * film.columns - camera.axis_x) * film.pitch_x / camera.focal_length,
+        (camera.axis_y - 0.5 * film.rows) * film.pitch_y / camera.focal_length,
+    )
+    attributes: dict[str, Any] = {
+        "nominalFocalLength": lens.focal_length * 1000.0,
+        "aperture": float(lens.f_stop),
+        "focus": float(lens.focus_distance),
+        "sensorOverallDimensions": np.array([film.width, film.height], dtype=np.float32) * 1000.0,
+        # The matrices multiply row vectors from the right; Cycles' camera looks along -z, OpenEXR's +z.
+        "worldToCamera": (flip @ camera.world_to_camera).T.astype(np.float32),
+        "worldToNDC": to_ndc.T.astype(np.float32),
+        "screenWindowWidth": film.width / camera.focal_length,
+        "screenWindowCenter": np.array(center, dtype=np.float32),
+        "pixelAspectRatio": film.pitch_x / film.pitch_y,
+        "potmesil:apertureBlades": int(lens.blades),
+        "potmesil:apertureRotation": math.degrees(lens.blade_rotation),
+        "potmesil:apertureRatio": float(lens.anamorphic_ratio),
+    }
+    if shutter.exposure_time is not None:
+        attributes["expTime"] = float(shutter.exposure_time)
+    if shutter.frames_per_second is not None:
+        attributes["framesPerSecond"] = Fraction(shutter.frames_per_second).limit_denominator(1001)
+    return attributes
+
+
+def annotate(source: Path, destination: Path, attributes: Mapping[str, Any]) -> None:
+    """Copy an EXR file with attributes added to its first part.
+
+    Parameters
+    ----------
+    source : Path
+        A file that was just rendered.
+    destination : Path
+        The samples file; written whole or not at all.
+    attributes : mapping
+        Header attributes.
+
+    Raises
+    ------
+    InputError
+        If the source cannot be read.
+    OutputError
+        If the destination cannot be written.
+    """
+    file = _read_file(source)
+    file.parts[0].header.update(attributes)
+    for part in file.parts:
+        part.header["compression"] = OpenEXR.ZIP_COMPRESSION
+    with whole_file(destination) as part_path:
+        file.write(str(part_path))
+
+
+def write_picture(path: Path, picture: Float32Array, attributes: Mapping[str, Any]) -> None:
+    """Write a premultiplied scene-linear picture as a float RGBA file.
+
+    Parameters
+    ----------
+    path : Path
+        The file; written whole or not at all.
+    picture : ndarray of float32 of shape (rows, columns, 4)
+        The picture.
+    attributes : mapping
+        Header attributes.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    header = {
+        **attributes,
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+    }
+    with whole_file(path) as part:
+        OpenEXR.File(header, {"RGBA": np.ascontiguousarray(picture)}).write(str(part))
+
+
+def _read_file(path: Path) -> Any:
+    """Return an OpenEXR.File with every channel by itself, checked as `read_raw` says."""
+    if not path.is_file():
+        raise InputError(f"'{path}' does not exist; give the path of a samples file.")
+    try:
+        with _quiet():
+            headers = OpenEXR.File(str(path), header_only=True)
+    except Exception as error:  # the module raises RuntimeError, ValueError, UnicodeError ...
+        raise InputError(
+            f"'{path}' is not a readable OpenEXR file ({_first_line(error)}); render or copy it again."
+        ) from error
+    for part in headers.parts:
+        _refuse_unsupported(path, part.header)
+    try:
+        with _quiet():
+            file = OpenEXR.File(str(path), separate_channels=True)
+    except Exception as error:
+        raise InputError(f"'{path}' is damaged ({_first_line(error)}); render or copy it again.") from error
+    # The module drops a part that it cannot decode and only prints a warning.
+    if len(file.parts) < len(headers.parts) or not file.parts:
+        raise InputError(f"'{path}' is damaged: its pixels cannot be decoded; render or copy it again.")
+    return file
+
+
+def _refuse_unsupported(path: Path, header: Mapping[str, Any]) -> None:
+    """Raise for the kinds of file that hold no one sample a pixel, or more than memory."""
+    kind = header.get("type")
+    if kind in (OpenEXR.deepscanline, OpenEXR.deeptile):
+        raise InputError(f"'{path}' is a deep image; flatten it to one sample a pixel first.")
+    tiles = header.get("tiles")
+    if tiles is not None and tiles.mode != OpenEXR.ONE_LEVEL:
+        raise InputError(f"'{path}' is mip-mapped; save it with one level.")
+    channels = header.get("channels", ())
+    if any(channel.xSampling != 1 or channel.ySampling != 1 for channel in channels):
+        if {"RY", "BY"} & {channel.name.split(".")[-1] for channel in channels}:
+            raise InputError(f"'{path}' is a luminance-chroma image; convert it to R, G, B channels.")
+        raise InputError(f"'{path}' has subsampled channels; save them at full size.")
+    window = _window(header["dataWindow"])
+    if window.columns < 1 or window.rows < 1 or window.columns * window.rows > MAX_PIXELS:
+        raise InputError(
+            f"'{path}' claims {window.columns} x {window.rows} pixels; "
+            f"at least one and at most {MAX_PIXELS} can be processed."
+        )
+
+
+def _layer_channels(raw: RawFile) -> dict[str, dict[tuple[str, int], Channel]]:
+    """Return, for each layer that has red, green and blue, its channels by pass and component."""
+    sets: dict[str, dict[tuple[str, int], Channel]] = {}
+    for channel in raw.channels:
+        if channel.parsed.name is not None:
+            key = (channel.parsed.name, channel.parsed.component)
+            sets.setdefault(channel.parsed.layer, {}).setdefault(key, channel)
+    return {
+        name: channels
+        for name, channels in sets.items()
+        if all(("combined", component) in channels for component in range(3))
+    }
+
+
+def _choose_layers(
+    path: Path, sets: Mapping[str, Mapping[tuple[str, int], Channel]], wanted: tuple[str, ...] | None
+) -> tuple[str, ...]:
+    if wanted is not None:
+        for name in wanted:
+            if name not in sets:
+                raise InputError(
+                    f"'{path}' has no layer '{name}'; it has {', '.join(repr(n) for n in sets)}."
+                )
+        return wanted
+    # Other stereo views are pictures of their own, and a composite has no depth.
+    if "" in sets:
+        return ("",)
+    with_depth = tuple(name for name, channels in sets.items() if ("depth", 0) in channels)
+    return with_depth or tuple(sets)[:1]
+
+
+def _build_layer(
+    name: str, channels: Mapping[tuple[str, int], Channel], repaired: dict[str, int]
+) -> SampleLayer:
+    """Return a layer with float32 arrays and finite values."""
+    red = channels["combined", 0].pixels
+    color = np.ones((*red.shape, 4), dtype=np.float32)
+    for component in range(4):
+        if ("combined", component) in channels:
+            color[..., component] = channels["combined", component].pixels
+    _count(repaired, "color", repair(color, ~np.isfinite(color).all(axis=2)))
+
+    depth = None
+    if ("depth", 0) in channels:
+        values = channels["depth", 0].pixels
+        depth = values.astype(np.float32)
+        far = _HALF_MAX if values.dtype == np.float16 else _NO_SURFACE_DEPTH
+        with np.errstate(invalid="ignore"):
+            depth[(depth <= 0.0) | (depth >= far)] = np.inf
+        _count(repaired, "depth", _repair_depth(depth))
+
+    index = None
+    if ("object_index", 0) in channels:
+        values = channels["object_index", 0].pixels.astype(np.float32)
+        broken = ~np.isfinite(values)
+        _count(repaired, "object_index", int(broken.sum()))
+        index = np.rint(np.where(broken, 0.0, values)).astype(np.int32)
+
+    vector = None
+    if all(("vector", component) in channels for component in range(4)):
+        vector = np.stack(
+            [channels["vector", component].pixels.astype(np.float32) for component in range(4)], axis=2
+        )
+        _count(repaired, "vector", repair(vector, ~np.isfinite(vector).all(axis=2)))
+    return SampleLayer(name, color, depth, index, vector)
+
+
+def _repair_depth(depth: Float32Array) -> int:
+    """Replace NaN depths from their neighbours; the mean is of inverse depths, so infinity counts."""
+    broken = np.isnan(depth)
+    if not broken.any():
+        return 0
+    inverse = np.divide(1.0, depth, dtype=np.float32)
+    count = repair(inverse, broken)
+    with np.errstate(divide="ignore"):
+        depth[broken] = 1.0 / inverse[broken]
+    return count
+
+
+def _count(repaired: dict[str, int], what: str, number: int) -> None:
+    if number:
+        repaired[what] = repaired.get(what, 0) + number
+
+
+def _lens_attributes(header: Mapping[str, Any]) -> LensAttributes:
+    focal_length_mm = _number(header, "nominalFocalLength")
+    blades = _number(header, "potmesil:apertureBlades")
+    rotation = _number(header, "potmesil:apertureRotation")
+    focus = _number(header, "focus", infinite=True)
+    return LensAttributes(
+        focal_length=None if focal_length_mm is None else focal_length_mm / 1000.0,
+        f_stop=_number(header, "aperture"),
+        focus_distance=focus,
+        blades=None if blades is None else int(blades),
+        blade_rotation=None if rotation is None else math.radians(rotation),
+        anamorphic_ratio=_number(header, "potmesil:apertureRatio"),
+    )
+
+
+def _film(header: Mapping[str, Any], display: Window) -> Film | None:
+    size = _array(header, "sensorOverallDimensions", (2,))
+    if size is None or not (size > 0.0).all():
+        return None
+    width, height = (float(x) / 1000.0 for x in size)
+    return Film(width, height, display.columns, display.rows)
+
+
+def _camera(header: Mapping[str, Any], film: Film | None) -> Camera | None:
+    """Return the camera of the standard attributes, or None where they do not make one."""
+    to_camera = _array(header, "worldToCamera", (4, 4))
+    to_ndc = _array(header, "worldToNDC", (4, 4))
+    if film is None or to_camera is None or to_ndc is None:
+        return None
+    try:
+        world_to_camera = without_scale(np.diag([1.0, 1.0, -1.0, 1.0]) @ to_camera.T)
+        # In camera coordinates the projection is its own x and y scale and where the axis meets it.
+        projection = to_ndc.T @ np.linalg.inv(world_to_camera)
+    except (SettingsError, np.linalg.LinAlgError):
+        return None
+    depth = -projection[3, 2]
+    if not depth > 0.0:
+        return None
+    return Camera(
+        world_to_camera=world_to_camera,
+        focal_length=float(projection[0, 0] / depth) * film.width,
+        film=film,
+        axis_x=float(-projection[0, 2] / depth) * film.columns,
+        axis_y=float(-projection[1, 2] / depth) * film.rows,
+    )
+
+
+def _number(header: Mapping[str, Any], name: str, *, infinite: bool = False) -> float | None:
+    """Return an attribute as a positive finite number (angles may have any sign), or None."""
+    value = header.get(name)
+    if not isinstance(value, int | float | Fraction) or isinstance(value, bool):
+        return None
+    number = float(value)
+    if math.isnan(number) or (math.isinf(number) and not infinite):
+        return None
+    signed = name in ("potmesil:apertureRotation", "potmesil:apertureBlades")
+    return number if signed or number > 0.0 else None
+
+
+def _array(header: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> FloatArray | None:
+    value = header.get(name)
+    if not isinstance(value, np.ndarray) or value.shape != shape or not np.isfinite(value).all():
+        return None
+    return value.astype(np.float64)
+
+
+def _window(box: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]) -> Window:
+    (x0, y0), (x1, y1) = box
+    return Window(int(x0), int(y0), int(x1) + 1, int(y1) + 1)
+
+
+def _first_line(error: BaseException) -> str:
+    text = str(error).strip().splitlines()
+    return text[0].split(" when attempting to open")[0].split(" '")[0] if text else type(error).__name__
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the library's own messages about damaged files off the terminal: ours says it in a line."""
+    sys.stderr.flush()
+    try:
+        saved = os.dup(2)
+    except OSError:  # no standard error at all, as under pythonw
+        saved = -1
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        if saved >= 0:
+            os.dup2(null, 2)
+        with contextlib.redirect_stdout(io.StringIO()):
+            yield
+    finally:
+        if saved >= 0:
+            os.dup2(saved, 2)
+            os.close(saved)
+        os.close(null)

@@ -1,0 +1,86 @@
+"""Names of render passes across Blender's versions and other programs: the one alias table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+PassName = Literal["combined", "depth", "object_index", "vector"]
+
+_ALIASES: Final[dict[str, PassName]] = {
+    "Combined": "combined",
+    "Image": "combined",
+    "Color": "combined",
+    "rgba": "combined",
+    "beauty": "combined",
+    "Depth": "depth",
+    "depth": "depth",
+    "Z": "depth",
+    "Object Index": "object_index",  # Blender 5.0 and later
+    "IndexOB": "object_index",  # Blender up to 4.5
+    "Vector": "vector",
+}
+
+_COMPONENTS: Final[dict[PassName, tuple[str, ...]]] = {
+    "combined": ("R", "G", "B", "A"),
+    "depth": ("Z", "V"),
+    "object_index": ("X", "V"),
+    "vector": ("X", "Y", "Z", "W"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelName:
+    """What a channel's full name says.
+
+    Parameters
+    ----------
+    layer : str
+        View layer, with the stereo view appended where it is not the file's default one; may be empty.
+    name : str or None
+        Our name of the pass; ``None`` for a pass that the processors have no use for.
+    component : int
+        Which component of the pass.
+    """
+
+    layer: str
+    name: PassName | None
+    component: int
+
+
+def parse_channel(channel: str, views: tuple[str, ...] = ()) -> ChannelName:
+    """Split a channel's full name into view layer, pass and component.
+
+    Parameters
+    ----------
+    channel : str
+        Such as ``ViewLayer.Depth.Z``, ``Depth.V``, ``left.R`` or ``Z``.
+    views : tuple of str
+        The file's stereo views, the default one first.
+
+    Returns
+    -------
+    ChannelName
+        Its parts.
+    """
+    *tokens, component = channel.split(".")
+    view = next((token for token in tokens if token in views), None)
+    if view is not None:
+        tokens.remove(view)
+    name: PassName | None
+    if tokens and tokens[-1] in _ALIASES:
+        name = _ALIASES[tokens.pop()]
+    elif component in _COMPONENTS["combined"]:
+        name = "combined"
+    elif component == "Z":
+        name = "depth"
+    else:
+        name = None
+    layer = ".".join(tokens)
+    if view is not None and view != views[0]:
+        layer = f"{layer}.{view}" if layer else view
+    if name is None or component not in _COMPONENTS[name]:
+        return ChannelName(layer, None, 0)
+    index = _COMPONENTS[name].index(component)
+    # Depth and index have one component under either of two names.
+    return ChannelName(layer, name, index if name in ("combined", "vector") else 0)
