@@ -84,9 +84,10 @@ class RowDifferences:
         for row in range(rows):
             entries = slice(self.row_begin[row], self.row_end[row])
             at, delta = self.offset[entries], self.delta[entries].T
-            np.add.at(values[:, row], (slice(None), at + reach), delta)
+            # Offsets of one row differ, so plain indexing adds them all.
+            values[:, row, at + reach] += delta
             if self.symmetric:
-                np.add.at(values[:, row], (slice(None), self.mirror - at + reach), -delta)
+                values[:, row, self.mirror - at + reach] -= delta
         return np.asarray(np.cumsum(values, axis=2)[:, :, :columns])
 
 
@@ -110,7 +111,7 @@ def ellipse_rows(radius_x: float, radius_y: float, position: SamplePosition = "c
     half = 0.5 if position == "center" else 0.0
     mirror = 1 if position == "center" else 0
     # Row j >= 0 covers |y| from max(0, j - half) to j + 1 - half; the middle row lies on both sides.
-    rows = int(math.ceil(ry + half))
+    rows = math.ceil(ry + half)
     j = np.arange(rows)
     y_low, y_high = np.maximum(j - half, 0.0) / ry, (j + 1 - half) / ry
     x_full = rx * np.sqrt(np.clip(1.0 - y_high**2, 0.0, None))
@@ -122,10 +123,7 @@ def ellipse_rows(radius_x: float, radius_y: float, position: SamplePosition = "c
     left, right = (i - half) / rx, (i + 1 - half) / rx
     bottom, top = (j[row] - half) / ry, y_high[row]
     coverage = (
-        _disc_area(right, top)
-        - _disc_area(left, top)
-        - _disc_area(right, bottom)
-        + _disc_area(left, bottom)
+        _disc_area(right, top) - _disc_area(left, top) - _disc_area(right, bottom) + _disc_area(left, bottom)
     ) / math.pi
     before = np.concatenate([[0.0], coverage[:-1]])
     before[np.searchsorted(row, j)] = 1.0 / (math.pi * rx * ry)
@@ -226,7 +224,7 @@ def polygon_rows(vertices: npt.ArrayLike, position: SamplePosition = "center") -
     # Pieces of one pixel are added up.
     width = int(i.max() - i.min()) + 1
     key, inverse = np.unique(row[piece] * width + (i - i.min()), return_inverse=True)
-    delta = np.bincount(inverse, weights=weight[piece] * change)
+    delta: FloatArray = np.bincount(inverse, weights=weight[piece] * change).astype(np.float64)
     entry_row, offset = np.divmod(key, width)
     rows = np.arange(int(row.min()), int(row.max()) + 1)
     return RowDifferences(
@@ -255,7 +253,7 @@ def _ramp_integral(t: FloatArray) -> FloatArray:
     return np.where(t < 1.0, 0.5 * np.clip(t, 0.0, None) ** 2, t - 0.5)
 
 
-def _disc_area(x: FloatArray, y: FloatArray) -> FloatArray:
+def _disc_area(x: npt.NDArray[np.floating], y: npt.NDArray[np.floating]) -> FloatArray:
     """Return the signed area of the unit disc between the axes and (x, y), odd in x and in y."""
     sign = np.sign(x) * np.sign(y)
     x, y = np.minimum(np.abs(x), 1.0), np.minimum(np.abs(y), 1.0)
@@ -264,7 +262,7 @@ def _disc_area(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.asarray(sign * np.where(x <= rim, x * y, beyond))
 
 
-def _segment(x: FloatArray) -> FloatArray:
+def _segment(x: npt.NDArray[np.floating]) -> FloatArray:
     """Return the integral from 0 to x of sqrt(1 - t^2)."""
     return np.asarray(0.5 * (x * np.sqrt(1.0 - x**2) + np.arcsin(x)))
 

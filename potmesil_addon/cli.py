@@ -21,8 +21,15 @@ from .diffraction import lommel_intensity, optical_defocus, optical_radius
 from .errors import EXIT_DONE, EXIT_FAILED, PotmesilError, SettingsError
 from .files import whole_file
 from .focus import WEIGHTINGS
-from .lens import COC_MODELS, DEFAULT_CRITERION, DepthOfField, Lens, circle_of_confusion, depth_of_field
-from .lens import depth_of_field_for_circle
+from .lens import (
+    COC_MODELS,
+    DEFAULT_CRITERION,
+    DepthOfField,
+    Lens,
+    circle_of_confusion,
+    depth_of_field,
+    depth_of_field_for_circle,
+)
 from .process import ProcessSettings, Result, process, run
 from .psf import (
     PRIMARY_WAVELENGTHS,
@@ -490,9 +497,7 @@ def describe(raw: exr.RawFile, samples: Samples) -> dict[str, Any]:
             {
                 "name": layer.name,
                 "depth_m": [float(finite.min()), float(finite.max())] if finite.size else None,
-                "without_surface": (
-                    None if layer.depth is None else float(np.mean(np.isinf(layer.depth)))
-                ),
+                "without_surface": (None if layer.depth is None else float(np.mean(np.isinf(layer.depth)))),
                 "objects": None if layer.object_index is None else np.unique(layer.object_index).tolist(),
                 "motion_px": motion,
             }
@@ -531,5 +536,3 @@ def describe(raw: exr.RawFile, samples: Samples) -> dict[str, Any]:
         "camera": camera,
         "repaired": samples.repaired,
     }
-
-

@@ -116,9 +116,7 @@ def optical_defocus(depth: npt.ArrayLike, lens: Lens, wavelength: float) -> Floa
         u, positive for points nearer than the plane in focus (they converge behind the film).
     """
     half_angle = 0.5 / lens.f_stop
-    shift = image_distance(depth, lens.focal_length) - image_distance(
-        lens.focus_distance, lens.focal_length
-    )
+    shift = image_distance(depth, lens.focal_length) - image_distance(lens.focus_distance, lens.focal_length)
     return np.asarray(2.0 * math.pi / wavelength * half_angle**2 * shift)
 
 

@@ -171,7 +171,7 @@ def samples_of(raw: RawFile, path: Path, layers: tuple[str, ...] | None = None) 
     )
 
 
-def camera_attributes(camera: Camera, lens: Lens, shutter: Shutter = Shutter()) -> dict[str, Any]:
+def camera_attributes(camera: Camera, lens: Lens, shutter: Shutter) -> dict[str, Any]:
     """Return header attributes that say all of a camera, its lens and its exposure.
 
     Parameters
@@ -204,9 +204,9 @@ def camera_attributes(camera: Camera, lens: Lens, shutter: Shutter = Shutter()) 
         "aperture": float(lens.f_stop),
         "focus": float(lens.focus_distance),
         "sensorOverallDimensions": np.array([film.width, film.height], dtype=np.float32) * 1000.0,
-        # The matrices multiply row vectors from the right; Cycles' camera looks along -z, OpenEXR's +z.
-        "worldToCamera": (flip @ camera.world_to_camera).T.astype(np.float32),
-        "worldToNDC": to_ndc.T.astype(np.float32),
+        # Cycles' camera looks along -z, OpenEXR's along +z.
+        "worldToCamera": _for_row_vectors(flip @ camera.world_to_camera),
+        "worldToNDC": _for_row_vectors(to_ndc),
         "screenWindowWidth": film.width / camera.focal_length,
         "screenWindowCenter": np.array(center, dtype=np.float32),
         "pixelAspectRatio": film.pitch_x / film.pitch_y,
@@ -359,7 +359,7 @@ def _build_layer(
     for component in range(4):
         if ("combined", component) in channels:
             color[..., component] = channels["combined", component].pixels
-    _count(repaired, "color", repair(color, ~np.isfinite(color).all(axis=2)))
+    _count(repaired, "color", repair(color, np.asarray(~np.isfinite(color).all(axis=2))))
 
     depth = None
     if ("depth", 0) in channels:
@@ -382,7 +382,7 @@ def _build_layer(
         vector = np.stack(
             [channels["vector", component].pixels.astype(np.float32) for component in range(4)], axis=2
         )
-        _count(repaired, "vector", repair(vector, ~np.isfinite(vector).all(axis=2)))
+        _count(repaired, "vector", repair(vector, np.asarray(~np.isfinite(vector).all(axis=2))))
     return SampleLayer(name, color, depth, index, vector)
 
 
@@ -460,6 +460,14 @@ def _number(header: Mapping[str, Any], name: str, *, infinite: bool = False) -> 
         return None
     signed = name in ("potmesil:apertureRotation", "potmesil:apertureBlades")
     return number if signed or number > 0.0 else None
+
+
+def _for_row_vectors(matrix: FloatArray) -> Float32Array:
+    """Return a matrix as OpenEXR has it, applied to row vectors from the right.
+
+    The OpenEXR module reads an array's memory and not its strides, so a transposed view will not do.
+    """
+    return np.ascontiguousarray(matrix.T, dtype=np.float32)
 
 
 def _array(header: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> FloatArray | None:

@@ -63,15 +63,18 @@ def set_cache_directory(directory: Path) -> None:
     """Keep compiled kernels in a folder of the user's rather than beside the source.
 
     Has to run before a kernel module is imported; an installed extension's own folder may be read-only
-    and is wiped on upgrade.
+    and is wiped on upgrade. A cached kernel names the package that it was compiled in, and the same
+    source can be loaded as several, so each package has its own subfolder.
 
     Parameters
     ----------
     directory : Path
-        The folder; it is made when the first kernel is compiled.
+        The folder; it is made when the first kernel is compiled. The environment variable
+        ``NUMBA_CACHE_DIR`` wins over it.
     """
-    if HAVE_NUMBA and "NUMBA_CACHE_DIR" not in os.environ:
-        numba.config.CACHE_DIR = str(directory)
+    if HAVE_NUMBA:
+        chosen = os.environ.get("NUMBA_CACHE_DIR", str(directory))
+        numba.config.CACHE_DIR = str(Path(chosen) / (__package__ or ""))
 
 
 def set_thread_count(threads: int | None) -> int:

@@ -1,4 +1,4 @@
-"""From a samples file to a picture: settings resolved, layers focused, laid over each other, averaged down."""
+"""From a samples file to a picture: settings resolved, layers focused and laid over each other."""
 
 from __future__ import annotations
 
@@ -236,9 +236,9 @@ def _sharp(layer: SampleLayer, samples: Samples) -> Float32Array:
     covered = Window(data.x0, data.y0, data.x0 + color.shape[1], data.y0 + color.shape[0])
     seen = covered.intersection(display)
     picture = np.zeros((display.rows, display.columns, 4), dtype=np.float32)
-    picture[
-        seen.y0 - display.y0 : seen.y1 - display.y0, seen.x0 - display.x0 : seen.x1 - display.x0
-    ] = color[seen.y0 - data.y0 : seen.y1 - data.y0, seen.x0 - data.x0 : seen.x1 - data.x0]
+    picture[seen.y0 - display.y0 : seen.y1 - display.y0, seen.x0 - display.x0 : seen.x1 - display.x0] = color[
+        seen.y0 - data.y0 : seen.y1 - data.y0, seen.x0 - data.x0 : seen.x1 - data.x0
+    ]
     return picture
 
 

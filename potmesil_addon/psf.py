@@ -137,7 +137,7 @@ class PackedTables:
     @property
     def last_row(self) -> npt.NDArray[np.int32]:
         """Offset of each table's last row."""
-        return (self.first_row + np.diff(self.rows) - 1).astype(np.int32)
+        return np.asarray(self.first_row + np.diff(self.rows) - 1, dtype=np.int32)
 
     @property
     def reach_x(self) -> int:
