@@ -1,0 +1,56 @@
+"""The extension's command for a Blender that has not got it installed, or got it under any repository's name.
+
+blender -b scene.blend --python-exit-code 1 --python farm/run.py -- render --frames 1-4 --output out/####.exr
+"""
+
+from __future__ import annotations
+
+import atexit
+import importlib
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import bpy
+
+PACKAGE = "potmesil_camera"
+
+
+def load_extension() -> ModuleType:
+    """Return the extension's root package: the enabled one, or this checkout, registered.
+
+    Returns
+    -------
+    module
+        The package; its ``operators.command.main`` is the command.
+    """
+    for name, module in list(sys.modules.items()):
+        if name.startswith("bl_ext.") and name.endswith(f".{PACKAGE}"):
+            return module
+    root = Path(__file__).resolve().parent.parent
+    spec = importlib.util.spec_from_file_location(
+        PACKAGE, root / "__init__.py", submodule_search_locations=[str(root)]
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    package = importlib.util.module_from_spec(spec)
+    sys.modules[PACKAGE] = package
+    spec.loader.exec_module(package)
+    package.register()
+    if bpy.app.module:
+        # Blender 4.5 as a module crashes at its end where a script's classes are still registered.
+        atexit.register(package.unregister)
+    return package
+
+
+def main() -> int:
+    """Run the command with the words after ``--``."""
+    package = load_extension()
+    command = importlib.import_module(f"{package.__name__}.operators.command")
+    arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
+    return command.main(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

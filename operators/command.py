@@ -1,0 +1,110 @@
+"""The extension's command: ``blender -b scene.blend --command potmesil_camera render ...``.
+
+The commands that need no Blender are the core's own; ``render`` is added here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import bpy
+
+from ..potmesil_addon.errors import EXIT_DONE, EXIT_FAILED, InputError, PotmesilError, SettingsError
+from ..potmesil_addon.frames import frame_path, parse_frames
+from . import kernels
+from .export import refuse_errors, render_samples, samples_path
+
+NAME = "potmesil_camera"
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command with the words after its name.
+
+    Parameters
+    ----------
+    arguments : list of str
+        Such as ``["render", "--frames", "1-4", "--output", "out/####.exr"]``.
+
+    Returns
+    -------
+    int
+        Exit status: 0 done, 2 usage, 3 input missing or wrong, 4 failed.
+    """
+    kernels.use_user_cache()
+    from ..potmesil_addon import cli  # noqa: PLC0415 - see kernels
+
+    prog = f"blender --command {NAME}"
+    if not arguments or arguments[0] != "render":
+        if arguments[:1] in (["-h"], ["--help"]):
+            print(f"{prog} render: render frames and focus them; see '{prog} render --help'")
+        return cli.main(arguments, prog=prog)
+    parser = argparse.ArgumentParser(
+        prog=f"{prog} render", description="Render frames of the open .blend file and focus them."
+    )
+    parser.add_argument(
+        "--frames", metavar="RANGE", help="5, 1-10, 1-10:2 or 1,3,7-9 (default: the current frame)"
+    )
+    parser.add_argument(
+        "--output", "-o", required=True, metavar="PATH", help="####.exr or ####.png; # is the frame's number"
+    )
+    parser.add_argument("--samples", metavar="PATH", help="where samples files go (default: the scene's)")
+    parser.add_argument("--scene", metavar="NAME", help="default: the .blend file's active one")
+    cli.add_process_options(parser)
+    try:
+        options = parser.parse_args(arguments[1:])
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    try:
+        _render(options)
+    except PotmesilError as error:
+        print(f"Error: {error}", file=sys.stderr, flush=True)
+        return error.exit_status
+    except RuntimeError as error:
+        print(f"Error: Blender could not render: {str(error).strip()}", file=sys.stderr, flush=True)
+        return EXIT_FAILED
+    return EXIT_DONE
+
+
+def _render(options: argparse.Namespace) -> None:
+    """Render, process and write every frame asked for."""
+    from ..potmesil_addon import cli, exr, jit  # noqa: PLC0415 - see kernels
+    from ..potmesil_addon.process import process, run  # noqa: PLC0415
+
+    # Blender goes on with an empty scene where the .blend file is missing.
+    if not bpy.data.filepath:
+        raise InputError("No .blend file is open; name one that exists before --command.")
+    if options.scene is not None:
+        if options.scene not in bpy.data.scenes:
+            raise InputError(f"The .blend file has no scene '{options.scene}'.")
+        bpy.context.window.scene = bpy.data.scenes[options.scene]
+    context = bpy.context
+    scene = context.scene
+    frames = (scene.frame_current,) if options.frames is None else parse_frames(options.frames)
+    settings = cli.process_settings(options)
+    output = Path(bpy.path.abspath(options.output)).absolute()
+    cli.check_output(output)
+    if options.samples is not None and frame_path(Path(options.samples), 0).suffix.lower() != ".exr":
+        raise SettingsError("--samples must end in .exr.")
+    refuse_errors(scene)
+    jit.set_thread_count(options.threads)
+    for done, frame in enumerate(frames):
+        started = time.perf_counter()
+        scene.frame_set(frame)
+        if options.samples is None:
+            samples_file = samples_path(scene)
+        else:
+            template = Path(bpy.path.abspath(options.samples)).absolute()
+            samples_file = frame_path(template, frame, several=len(frames) > 1)
+        render_samples(context, samples_file)
+        samples = exr.read_samples(samples_file, tuple(options.layer) if options.layer else None)
+        result = run(process(samples, settings))
+        target = frame_path(output, frame, several=len(frames) > 1)
+        cli.write_result(target, result, samples)
+        minutes, seconds = divmod(time.perf_counter() - started, 60.0)
+        # Whole lines, flushed: farms read them through a pipe.
+        print(f"Saved: '{target}'", flush=True)
+        print(f"Time: {int(minutes):02d}:{seconds:05.2f}", flush=True)
+        print(f"openjd_progress: {100.0 * (done + 1) / len(frames):.1f}", flush=True)

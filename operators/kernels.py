@@ -1,0 +1,24 @@
+"""Where compiled kernels are kept inside Blender.
+
+numba and scipy take the better part of a second to import. Modules of the core that use them are
+imported where they are first needed, after `use_user_cache`, so that Blender starts no slower.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+_EXTENSION = __package__.rpartition(".")[0]
+
+
+def use_user_cache() -> None:
+    """Keep compiled kernels in a folder of the user's, which upgrades leave alone."""
+    from ..potmesil_addon import jit  # noqa: PLC0415 - imports numba
+
+    if _EXTENSION.startswith("bl_ext."):
+        folder = bpy.utils.extension_path_user(_EXTENSION, path="kernels", create=True)
+    else:  # a checkout that a script loaded
+        folder = bpy.utils.user_resource("DATAFILES", path="potmesil_camera/kernels", create=True)
+    jit.set_cache_directory(Path(folder))

@@ -1,0 +1,95 @@
+"""Process: the picture again from the last samples file, without rendering."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import bpy
+
+from . import kernels
+from .export import samples_path
+from .result import show_result, store_result
+from .scene import evaluated_camera, scene_lens
+from .work import SteppedOperator
+
+if TYPE_CHECKING:
+    from ..potmesil_addon.process import ProcessSettings
+
+
+class POTMESIL_OT_process(SteppedOperator, bpy.types.Operator):
+    """Focus the last rendered samples with the camera's present focus and f-stop, without rendering again"""
+
+    bl_idname = "potmesil.process"
+    bl_label = "Process"
+    bl_options = {"REGISTER"}
+
+    def steps(self, context: bpy.types.Context, *, interactive: bool) -> Iterator[float]:
+        """Process the samples of the current frame."""
+        del interactive
+        yield from process_samples(context, samples_path(context.scene))
+
+
+def process_samples(context: bpy.types.Context, path: Path) -> Iterator[float]:
+    """Process a samples file with the scene's settings into the result image.
+
+    Parameters
+    ----------
+    context : Context
+        Its scene's camera and settings are used.
+    path : Path
+        The samples file.
+
+    Yields
+    ------
+    float
+        Share of the work done.
+
+    Raises
+    ------
+    PotmesilError
+        If the file or a setting is wrong.
+    """
+    kernels.use_user_cache()
+    from ..potmesil_addon import exr  # noqa: PLC0415 - see kernels
+    from ..potmesil_addon.process import process  # noqa: PLC0415
+
+    settings = process_settings(context)
+    yield 0.0
+    samples = exr.read_samples(path)
+    yield 0.1
+    steps = process(samples, settings)
+    while True:
+        try:
+            yield 0.1 + 0.9 * next(steps)
+        except StopIteration as stop:
+            show_result(context, store_result(stop.value.picture))
+            return
+
+
+def process_settings(context: bpy.types.Context) -> ProcessSettings:
+    """Return the scene's settings for the processors.
+
+    The lens is the camera's as it stands now; the film is that of the samples file.
+    """
+    from ..potmesil_addon.process import ProcessSettings  # noqa: PLC0415 - see kernels
+    from ..potmesil_addon.psf import PsfSettings  # noqa: PLC0415
+    from ..potmesil_addon.samples import LensAttributes  # noqa: PLC0415
+
+    scene = context.scene
+    own = scene.potmesil_camera
+    lens = scene_lens(evaluated_camera(scene, context.evaluated_depsgraph_get()))
+    return ProcessSettings(
+        use_lens=own.use_lens,
+        lens=LensAttributes(
+            focal_length=lens.focal_length,
+            f_stop=lens.f_stop,
+            focus_distance=lens.focus_distance,
+            blades=lens.blades,
+            blade_rotation=lens.blade_rotation,
+            anamorphic_ratio=lens.anamorphic_ratio,
+        ),
+        model=own.coc_model,
+        psf=PsfSettings(kind=own.psf),
+    )

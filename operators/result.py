@@ -1,0 +1,53 @@
+"""The processed picture as an image in Blender."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+
+if TYPE_CHECKING:
+    from ..potmesil_addon.samples import Float32Array
+
+RESULT_NAME = "Potmesil Result"
+
+
+def store_result(picture: Float32Array) -> bpy.types.Image:
+    """Put a picture into the image `Potmesil Result`, scene-linear float with premultiplied alpha.
+
+    Parameters
+    ----------
+    picture : ndarray of float32 of shape (rows, columns, 4)
+        Row 0 on top; Blender's images begin at the bottom.
+
+    Returns
+    -------
+    Image
+        The image, made where it was missing.
+    """
+    rows, columns = picture.shape[:2]
+    image = bpy.data.images.get(RESULT_NAME)
+    if image is not None and (image.source != "GENERATED" or not image.is_float):
+        image.name = f"{RESULT_NAME}.old"
+        image = None
+    if image is None:
+        image = bpy.data.images.new(RESULT_NAME, columns, rows, alpha=True, float_buffer=True)
+        image.alpha_mode = "PREMUL"
+    elif tuple(image.size) != (columns, rows):
+        image.scale(columns, rows)
+    image.pixels.foreach_set(np.ascontiguousarray(picture[::-1], dtype=np.float32).reshape(-1))
+    image.update()
+    return image
+
+
+def show_result(context: bpy.types.Context, image: bpy.types.Image) -> None:
+    """Show the image where an Image Editor shows a render, a former result, or nothing."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type != "IMAGE_EDITOR":
+                continue
+            space: Any = area.spaces.active
+            if space.image is None or space.image.type == "RENDER_RESULT" or space.image == image:
+                space.image = image
+                area.tag_redraw()

@@ -1,0 +1,201 @@
+"""From Blender's scene to the core's dataclasses: camera, lens, shutter, facts for the pre-flight check."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..potmesil_addon.camera import Camera, FrameFormat
+from ..potmesil_addon.errors import InputError
+from ..potmesil_addon.lens import Lens
+from ..potmesil_addon.preflight import SceneFacts
+from ..potmesil_addon.samples import Shutter
+from . import compat
+
+if TYPE_CHECKING:
+    import bpy
+
+_RENDERED_TYPES = ("MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "VOLUME", "POINTCLOUD")
+
+
+def scene_facts(scene: bpy.types.Scene) -> SceneFacts:
+    """Return what the pre-flight check asks of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+
+    Returns
+    -------
+    SceneFacts
+        Plain values.
+    """
+    layers = [layer for layer in scene.view_layers if layer.use]
+    cycles = compat.cycles_settings(scene) if scene.render.engine == "CYCLES" else None
+    camera = scene.camera.data if scene.camera is not None and scene.camera.type == "CAMERA" else None
+    rendered = rendered_objects(scene)
+    return SceneFacts(
+        engine=scene.render.engine,
+        camera_type=None if camera is None else camera.type,
+        has_depth=all(layer.use_pass_z for layer in layers),
+        has_vector=all(layer.use_pass_vector for layer in layers),
+        has_object_index=all(layer.use_pass_object_index for layer in layers),
+        motion_blur=scene.render.use_motion_blur,
+        depth_of_field=camera is not None and camera.dof.use_dof,
+        renders_anything=bool(layers),
+        all_on_index_zero=len(rendered) > 1 and not any(o.pass_index for o in rendered),
+        denoising=cycles is not None
+        and cycles.use_denoising
+        and any(compat.view_layer_denoises(layer) for layer in layers),
+        clamped=cycles is not None
+        and (cycles.sample_clamp_direct > 0.0 or cycles.sample_clamp_indirect > 0.0),
+        stereo=scene.render.use_multiview,
+    )
+
+
+def rendered_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return the scene's objects that can show in a render, in the order of their names."""
+    return sorted(
+        (o for o in scene.objects if o.type in _RENDERED_TYPES and not o.hide_render),
+        key=lambda o: o.name_full,
+    )
+
+
+def focus_distance(camera: bpy.types.Object) -> float:
+    """Return the distance of the plane in focus along the optical axis, in Blender units.
+
+    Parameters
+    ----------
+    camera : Object
+        An evaluated camera object. Its focus object, if it has one, wins over the distance, as in
+        Cycles; for an armature the bone chosen there.
+
+    Returns
+    -------
+    float
+        The distance, 0 or more.
+    """
+    dof = camera.data.dof
+    target = dof.focus_object
+    if target is None:
+        return float(dof.focus_distance)
+    location = target.matrix_world.translation
+    if dof.focus_subtarget and target.type == "ARMATURE":
+        bone = target.pose.bones.get(dof.focus_subtarget)
+        if bone is not None:
+            location = target.matrix_world @ bone.matrix.translation
+    axis = camera.matrix_world.to_3x3().col[2].normalized()
+    return abs(float(axis.dot(camera.matrix_world.translation - location)))
+
+
+def scene_lens(camera: bpy.types.Object) -> Lens:
+    """Return the lens of Blender's camera.
+
+    One Blender unit is one metre, as Cycles' own aperture has it, whatever the scene's unit scale.
+
+    Parameters
+    ----------
+    camera : Object
+        An evaluated camera object.
+
+    Returns
+    -------
+    Lens
+        Lens, aperture and focus.
+
+    Raises
+    ------
+    SettingsError
+        If the focus distance is 0.
+    """
+    data = camera.data
+    return Lens(
+        focal_length=data.lens / 1000.0,
+        f_stop=data.dof.aperture_fstop,
+        focus_distance=focus_distance(camera),
+        blades=data.dof.aperture_blades,
+        blade_rotation=data.dof.aperture_rotation,
+        anamorphic_ratio=data.dof.aperture_ratio,
+    )
+
+
+def frame_format(scene: bpy.types.Scene, data: bpy.types.Camera) -> FrameFormat:
+    """Return the image frame that the scene renders with a camera."""
+    render = scene.render
+    border = None
+    if render.use_border and render.use_crop_to_border:
+        border = (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y)
+    return FrameFormat(
+        sensor_width=data.sensor_width / 1000.0,
+        sensor_height=data.sensor_height / 1000.0,
+        sensor_fit=data.sensor_fit,
+        shift_x=data.shift_x,
+        shift_y=data.shift_y,
+        resolution_x=render.resolution_x,
+        resolution_y=render.resolution_y,
+        resolution_percentage=render.resolution_percentage,
+        pixel_aspect_x=render.pixel_aspect_x,
+        pixel_aspect_y=render.pixel_aspect_y,
+        border=border,
+    )
+
+
+def scene_camera(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
+    """Return the pinhole camera that the scene renders with.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its resolution and border count.
+    camera : Object
+        An evaluated camera object.
+
+    Returns
+    -------
+    Camera
+        In metres, one for each Blender unit.
+    """
+    data = camera.data
+    return Camera.from_format(
+        np.linalg.inv(np.array(camera.matrix_world)),
+        data.lens / 1000.0,
+        frame_format(scene, data),
+        clip_start=data.clip_start,
+        clip_end=data.clip_end,
+    )
+
+
+def scene_shutter(scene: bpy.types.Scene) -> Shutter:
+    """Return the exposure of Blender's render settings."""
+    rate = scene.render.fps / scene.render.fps_base
+    return Shutter(exposure_time=scene.render.motion_blur_shutter / rate, frames_per_second=rate)
+
+
+def evaluated_camera(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bpy.types.Object:
+    """Return the scene's camera as animation, constraints and drivers leave it.
+
+    Raises
+    ------
+    InputError
+        If the scene has no camera.
+    """
+    if scene.camera is None or scene.camera.type != "CAMERA":
+        raise InputError("The scene has no camera; add one and make it active.")
+    return scene.camera.evaluated_get(depsgraph)
+
+
+def as_length(scene: bpy.types.Scene, value: float) -> str:
+    """Return a distance in Blender units as the scene's unit settings display it."""
+    import bpy  # noqa: PLC0415 - for its unit names only
+
+    units = scene.unit_settings
+    if math.isinf(value):
+        return "Infinity"
+    if units.system == "NONE":
+        return f"{value:.4g}"
+    return bpy.utils.units.to_string(
+        units.system, "LENGTH", value * units.scale_length, precision=4, split_unit=False
+    )

@@ -1,0 +1,29 @@
+"""Panels and properties: what the artist sees and what is saved with the scene."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import panels, properties
+
+CLASSES = (
+    properties.PotmesilSceneSettings,
+    properties.PotmesilState,
+    *panels.CLASSES,
+)
+
+
+def register() -> None:
+    """Register properties and panels."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.potmesil_camera = bpy.props.PointerProperty(type=properties.PotmesilSceneSettings)
+    bpy.types.WindowManager.potmesil_camera = bpy.props.PointerProperty(type=properties.PotmesilState)
+
+
+def unregister() -> None:
+    """Unregister panels and properties."""
+    del bpy.types.WindowManager.potmesil_camera
+    del bpy.types.Scene.potmesil_camera
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

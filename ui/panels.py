@@ -1,0 +1,200 @@
+"""The panel beside Blender's own Depth of Field: focus, limits, shutter, pre-flight check, buttons."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..operators import scene as adapter
+from ..potmesil_addon.errors import PotmesilError
+from ..potmesil_addon.lens import depth_of_field
+from ..potmesil_addon.preflight import check_scene
+
+_ICONS = {"error": "CANCEL", "warning": "ERROR", "note": "INFO"}
+_LABEL_WIDTH = 7.0
+"""Pixels a character at the standard interface scale, to break a sentence into labels."""
+
+
+class _CameraPanel:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Show where Blender shows a camera."""
+        return context.camera is not None
+
+
+class POTMESIL_PT_camera(_CameraPanel, bpy.types.Panel):
+    """Render and Process, and what they say."""
+
+    bl_label = "Potmesil Camera"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the buttons, the progress, and the last error."""
+        layout = self.layout
+        state = context.window_manager.potmesil_camera
+        scene = context.scene
+        if state.running:
+            layout.progress(factor=state.progress, text="Working (Esc to Cancel)")
+        row = layout.row(align=True)
+        row.scale_y = 1.4
+        row.enabled = not state.running
+        row.operator("potmesil.render", icon="RENDER_STILL")
+        row.operator("potmesil.process", icon="FILE_REFRESH")
+        if state.error:
+            _sentence(layout, context, state.error, "CANCEL")
+        if scene.camera is None or scene.camera.data != context.camera:
+            layout.label(text="Not the Scene's Active Camera", icon="INFO")
+
+
+class POTMESIL_PT_focus(_CameraPanel, bpy.types.Panel):
+    """The plane in focus and the lens, straight from Blender's camera."""
+
+    bl_label = "Focus"
+    bl_parent_id = "POTMESIL_PT_camera"
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Draw the switch of the focus processor."""
+        self.layout.prop(context.scene.potmesil_camera, "use_lens", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw focus, lens, and the limits of the depth of field."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = True
+        camera = context.camera
+        dof = camera.dof
+        own = context.scene.potmesil_camera
+        layout.active = own.use_lens
+        column = layout.column(align=True)
+        column.prop(dof, "focus_object", text="Focus on Object")
+        if dof.focus_object is not None and dof.focus_object.type == "ARMATURE":
+            column.prop_search(dof, "focus_subtarget", dof.focus_object.data, "bones", text="Focus Bone")
+        distance = column.row()
+        distance.active = dof.focus_object is None
+        distance.prop(dof, "focus_distance", text="Focus Distance")
+        column = layout.column(align=True)
+        column.prop(camera, "lens", text="Focal Length")
+        column.prop(dof, "aperture_fstop", text="F-Stop")
+        _limits(layout, context)
+
+
+class POTMESIL_PT_aperture(_CameraPanel, bpy.types.Panel):
+    """The iris, and how points out of focus are imaged."""
+
+    bl_label = "Aperture"
+    bl_parent_id = "POTMESIL_PT_focus"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw Blender's iris and our models."""
+        layout = self.layout
+        layout.use_property_split = True
+        dof = context.camera.dof
+        own = context.scene.potmesil_camera
+        column = layout.column(align=True)
+        column.prop(dof, "aperture_blades", text="Blades")
+        column.prop(dof, "aperture_rotation", text="Rotation")
+        column.prop(dof, "aperture_ratio", text="Ratio")
+        layout.prop(own, "coc_model")
+        layout.prop(own, "psf")
+
+
+class POTMESIL_PT_shutter(_CameraPanel, bpy.types.Panel):
+    """The exposure, straight from Blender's render settings."""
+
+    bl_label = "Shutter"
+    bl_parent_id = "POTMESIL_PT_camera"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw Blender's shutter."""
+        layout = self.layout
+        layout.use_property_split = True
+        render = context.scene.render
+        layout.prop(render, "motion_blur_position", text="Position")
+        layout.prop(render, "motion_blur_shutter", text="Shutter")
+
+
+class POTMESIL_PT_samples(_CameraPanel, bpy.types.Panel):
+    """What is rendered, where it goes, and what stands in its way."""
+
+    bl_label = "Samples"
+    bl_parent_id = "POTMESIL_PT_camera"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the samples file and the pre-flight check."""
+        layout = self.layout
+        own = context.scene.potmesil_camera
+        column = layout.column()
+        column.use_property_split = True
+        column.use_property_decorate = False
+        column.prop(own, "samples_path", text="File")
+        column.prop(own, "point_samples")
+        findings = check_scene(adapter.scene_facts(context.scene))
+        box = layout.box()
+        if not findings:
+            box.label(text="Ready to Render", icon="CHECKMARK")
+        for finding in findings:
+            column = box.column(align=True)
+            column.label(text=finding.title, icon=_ICONS[finding.severity])
+            _sentence(column, context, finding.text)
+        if any(finding.fix == "setup_passes" for finding in findings):
+            box.operator("potmesil.setup_passes", icon="RENDERLAYERS")
+
+
+def _limits(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the limits of what appears sharp, for the camera whose panel this is."""
+    scene = context.scene
+    item = context.object
+    if item is None or item.type != "CAMERA":
+        return
+    try:
+        camera = item.evaluated_get(context.evaluated_depsgraph_get())
+        lens = adapter.scene_lens(camera)
+    except PotmesilError as error:
+        _sentence(layout, context, str(error), "ERROR")
+        return
+    limits = depth_of_field(lens)
+    column = layout.column(align=True)
+    rows = [("Near Limit", limits.near), ("Far Limit", limits.far), ("Hyperfocal", limits.hyperfocal)]
+    if camera.data.dof.focus_object is not None:
+        rows.insert(0, ("Focused At", lens.focus_distance))
+    for name, value in rows:
+        split = column.split(factor=0.4)
+        left = split.row()
+        left.alignment = "RIGHT"
+        left.label(text=name)
+        split.label(text=adapter.as_length(scene, value))
+    if scene.unit_settings.scale_length != 1.0:
+        column.label(text="The Lens Takes One Unit for One Metre", icon="INFO")
+
+
+def _sentence(
+    layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "BLANK1"
+) -> None:
+    """Draw a sentence over as many labels as the region's width needs."""
+    scale = context.preferences.system.ui_scale
+    width = max(20, int(context.region.width / (_LABEL_WIDTH * scale)) - 8)
+    column = layout.column(align=True)
+    line = ""
+    lines = []
+    for word in text.split():
+        if line and len(line) + 1 + len(word) > width:
+            lines.append(line)
+            line = word
+        else:
+            line = f"{line} {word}" if line else word
+    lines.append(line)
+    for number, part in enumerate(lines):
+        column.label(text=part, icon=icon if number == 0 else "BLANK1")
+
+
+CLASSES = (
+    POTMESIL_PT_camera,
+    POTMESIL_PT_focus,
+    POTMESIL_PT_aperture,
+    POTMESIL_PT_shutter,
+    POTMESIL_PT_samples,
+)
