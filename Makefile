@@ -1,0 +1,105 @@
+# Everything that a developer runs, each in an environment of the project's own under .venv/.
+# "make" lists the targets.
+
+# Which Python each supported Blender has inside; requirements/blender-*.txt pin the rest.
+BLENDER_VERSIONS := 4.5 5.0 5.1 5.2
+PYTHON_OF_4.5 := 3.11
+PYTHON_OF_5.0 := 3.11
+PYTHON_OF_5.1 := 3.13
+PYTHON_OF_5.2 := 3.13
+
+# The newest Blender that runs under Python 3.11, or the newest of all where only 3.13 is there.
+DEFAULT_VERSION := $(if $(shell tools/find_python 3.11 2>&1 >/dev/null),5.2,5.0)
+BLENDER_VERSION ?= $(DEFAULT_VERSION)
+
+
+ENV := .venv/bpy-$(BLENDER_VERSION)
+PY := $(ENV)/bin/python
+# Lint and docs need no Blender, hence an environment without it.
+DEV := .venv/dev/bin
+PIP_INSTALL := -m pip install -qq --disable-pip-version-check -c requirements/wheels.txt
+
+RELEASES := linux-x64-cp311 linux-x64-cp313 windows-x64-cp311 windows-x64-cp313 macos-arm64-cp311 macos-arm64-cp313
+
+PYTEST_ARGS ?=
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup system-packages demo test test-all test-others test-gui extension extension-release \
+	lint format docs clean
+
+help:  ## list these targets
+	@echo "make TARGET [BLENDER_VERSION=$(BLENDER_VERSION)]   (one of $(BLENDER_VERSIONS))"
+	@sed -n 's/^\([a-z-]*\):.*##  *\(.*\)/  \1\t\2/p' Makefile | expand -t 22
+
+# One rule for each Blender: .venv/bpy-X.Y/.stamp is newer than the requirements that it was made from.
+define environment
+.venv/bpy-$(1)/.stamp: requirements/core.txt requirements/test.txt requirements/blender-$(1).txt requirements/wheels.txt
+	@python=$$$$(tools/find_python $$(PYTHON_OF_$(1))) && \
+	echo "Making the environment of Blender $(1) (a download of about 400 MB the first time)" && \
+	"$$$$python" -m venv .venv/bpy-$(1) && \
+	.venv/bpy-$(1)/bin/python $$(PIP_INSTALL) $$(patsubst %,-r %,$$(filter-out %/wheels.txt,$$^)) && \
+	touch $$@
+endef
+$(foreach version,$(BLENDER_VERSIONS),$(eval $(call environment,$(version))))
+
+.venv/dev/.stamp: requirements/core.txt requirements/test.txt requirements/dev.txt requirements/docs.txt requirements/wheels.txt
+	@python=$$(tools/find_python $(PYTHON_OF_$(DEFAULT_VERSION))) && \
+	echo "Making the environment for lint and docs" && \
+	"$$python" -m venv .venv/dev && \
+	.venv/dev/bin/python $(PIP_INSTALL) $(patsubst %,-r %,$(filter-out %/wheels.txt,$^)) && \
+	touch $@
+
+setup: $(ENV)/.stamp .venv/dev/.stamp  ## make the environments for tests, lint and docs
+
+system-packages: $(ENV)/.stamp  ## print the Debian packages that bpy still needs here
+	@$(PY) tools/check_bpy.py --packages
+
+demo: $(ENV)/.stamp  ## render a sample scene and refocus it, into build/demo
+	@$(PY) tools/check_bpy.py
+	$(PY) sample_scenes/demo.py --output build/demo
+
+test: $(ENV)/.stamp  ## run the tests under one Blender
+	@$(PY) tools/check_bpy.py
+	$(PY) -m pytest tests --ignore=tests/gui $(PYTEST_ARGS)
+
+# The others come first, so that the run ends with the default's result.
+test-all:  ## run the tests under every supported Blender
+	@status=0; $(MAKE) --no-print-directory test-others || status=1; \
+	$(MAKE) --no-print-directory test || status=1; exit $$status
+
+test-others:  ## the same, leaving out the Blender that "make test" uses
+	@failed=; for pair in $(foreach v,$(filter-out $(BLENDER_VERSION),$(BLENDER_VERSIONS)),$(v)=$(PYTHON_OF_$(v))); do \
+		version=$${pair%=*}; \
+		echo "== Blender $$version"; \
+		if ! reason=$$(tools/find_python $${pair#*=} 2>&1 >/dev/null); then echo "skipped: $$reason"; continue; fi; \
+		$(MAKE) --no-print-directory test BLENDER_VERSION=$$version || failed="$$failed $$version"; \
+	done; \
+	if [ -n "$$failed" ]; then echo "Tests failed under Blender$$failed." >&2; exit 1; fi
+
+test-gui: $(ENV)/.stamp  ## run the tests that need a window: make test-gui BLENDER=/path/to/blender
+	@if [ -z "$$BLENDER" ]; then echo "Name a Blender with a window: make test-gui BLENDER=/path/to/blender" >&2; exit 1; fi
+	$(PY) -m pytest tests/gui $(PYTEST_ARGS)
+
+extension: $(ENV)/.stamp  ## build and validate the extension without wheels, into dist/
+	$(PY) tools/build_extension.py --output dist
+
+extension-release: $(ENV)/.stamp  ## the same with wheels, a zip for each platform and Python
+	$(PY) tools/fetch_wheels.py $(RELEASES)
+	@set -e; for release in $(RELEASES); do \
+		$(PY) tools/build_extension.py --output dist --wheels $$release; done
+
+lint: .venv/dev/.stamp  ## ruff and mypy
+	@status=0; for check in "ruff check" "ruff format --check" mypy; do \
+		echo "$$check"; $(DEV)/$$check || status=1; done; exit $$status
+
+format: .venv/dev/.stamp  ## mend what ruff can mend by itself
+	$(DEV)/ruff check --fix
+	$(DEV)/ruff format
+
+docs: .venv/dev/.stamp  ## build the documentation into build/docs
+	$(DEV)/sphinx-build -W --keep-going -q docs build/docs
+
+clean:  ## remove what was built; the environments under .venv stay
+	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage htmlcov
+	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
