@@ -1,0 +1,65 @@
+"""The demo: the papers' first scene through Cycles and the focus processor, to pictures.
+
+Run it with `make demo`. It writes the scene, its samples file, and the pictures of TOG 1982, figures 11
+to 14, that are focused on the cube: pinhole, f/5.6, f/11 and f/22.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import runpy
+import time
+from pathlib import Path
+
+import bpy
+import cube_and_sphere
+
+ROOT = Path(__file__).resolve().parent.parent
+F_STOPS = (5.6, 11.0, 22.0)
+
+
+def main() -> int:
+    """Build, render and process the scene."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--output", type=Path, default=ROOT / "build" / "demo", help="folder of the pictures")
+    parser.add_argument("--resolution", type=int, default=512)
+    parser.add_argument("--samples", type=int, default=16, help="Cycles' samples for each point sample")
+    options = parser.parse_args()
+    folder: Path = options.output.resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+
+    started = time.perf_counter()
+    scene = cube_and_sphere.build(options.resolution, options.samples)
+    extension = runpy.run_path(str(ROOT / "farm" / "run.py"))["load_extension"]()
+    core = f"{extension.__name__}.potmesil_addon"
+    samples_file = folder / "samples.exr"
+    settings = scene.potmesil_camera
+    settings.samples_path = str(samples_file)
+    settings.point_samples = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "cube_and_sphere.blend"))
+    print(f"Rendering {options.resolution} x {options.resolution} pixels, 2 x 2 point samples each ...")
+    bpy.ops.potmesil.render()
+    print(f"Rendered and saved the samples in {time.perf_counter() - started:.1f} s")
+
+    cli = importlib.import_module(f"{core}.cli")
+    status = cli.main(["process", str(samples_file), "-o", str(folder / "pinhole.png"), "--no-lens"])
+    for f_stop in F_STOPS:
+        started = time.perf_counter()
+        status = status or cli.main(
+            ["process", str(samples_file), "-o", str(folder / f"f{f_stop:g}.png"), "--fstop", str(f_stop)]
+        )
+        limits = _limits(core, f_stop)
+        print(f"f/{f_stop:g}: sharp from {limits}, {time.perf_counter() - started:.1f} s")
+    return status
+
+
+def _limits(core: str, f_stop: float) -> str:
+    """Return a row of the papers' Table 1."""
+    lens = importlib.import_module(f"{core}.lens")
+    limits = lens.depth_of_field(lens.Lens(0.055, f_stop, cube_and_sphere.CUBE_DISTANCE))
+    return f"{limits.near * 1000:.0f} to {limits.far * 1000:.0f} mm ({limits.total * 1000:.0f} mm deep)"
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
