@@ -1,0 +1,128 @@
+"""The extension's command on .blend files, and the demo."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+import pytest
+
+from .conftest import ROOT
+from .scenes import card, emitter
+
+OpenEXR = pytest.importorskip("OpenEXR")
+
+
+@pytest.fixture
+def blend(scene: Any, tmp_path: Path) -> Path:
+    """A saved .blend file with an animated card."""
+    item = card(scene, "Card", (0.0, 5.0, 0.0), 1.0, emitter("Glow", (1.0, 0.5, 0.25)))
+    item.location.x = -1.0
+    item.keyframe_insert("location", frame=1)
+    item.location.x = 1.0
+    item.keyframe_insert("location", frame=3)
+    path = tmp_path / "animated scene.blend"
+    scene.potmesil_camera.samples_path = "//passes/####.exr"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def test_render_writes_every_frame(blend: Path, module: Any, capsys: Any, tmp_path: Path) -> None:
+    main = module("operators.command").main
+    output = tmp_path / "out" / "post_####.exr"
+    assert main(["render", "--frames", "1-3:2", "--output", str(output), "--psf", "disc"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    centers = []
+    for frame in (1, 3):
+        path = tmp_path / "out" / f"post_{frame:04d}.exr"
+        assert f"Saved: '{path}'" in lines
+        header = OpenEXR.File(str(path)).header()
+        assert header["aperture"] == pytest.approx(0.5)
+        pixels = next(iter(OpenEXR.File(str(path)).channels().values())).pixels
+        centers.append(pixels[..., 0].sum(axis=0).argmax())
+    assert centers[0] < 48 < centers[1]
+    assert sorted(p.name for p in (tmp_path / "passes").iterdir()) == ["0001.exr", "0003.exr"]
+    assert sum(line.startswith("Time: ") for line in lines) == 2
+    assert "openjd_progress: 100.0" in lines
+
+
+def test_options_win_over_the_camera(blend: Path, module: Any, tmp_path: Path) -> None:
+    main = module("operators.command").main
+    assert main(["render", "--output", str(tmp_path / "x.exr"), "--fstop", "2", "--focus-distance", "7"]) == 0
+    header = OpenEXR.File(str(tmp_path / "x.exr")).header()
+    assert header["aperture"] == pytest.approx(2.0)
+    assert header["focus"] == pytest.approx(7.0)
+
+
+def test_samples_go_where_they_are_told_and_process_again(blend: Path, module: Any, tmp_path: Path) -> None:
+    main = module("operators.command").main
+    samples = tmp_path / "kept.exr"
+    assert main(["render", "--output", str(tmp_path / "a.png"), "--samples", str(samples)]) == 0
+    assert main(["process", str(samples), "-o", str(tmp_path / "b.png")]) == 0
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert main(["info", str(samples)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status"),
+    [
+        (["render"], 2),
+        (["render", "--frames", "3-1", "--output", "x.exr"], 2),
+        (["render", "--frames", "a", "--output", "x.exr"], 2),
+        (["render", "--output", "x.jpg"], 2),
+        (["render", "--output", "x.exr", "--scene", "Nowhere"], 3),
+        (["render", "--output", "x.exr", "--fstop", "-1"], 2),
+        (["nonsense"], 2),
+        (["--help"], 0),
+        (["render", "--help"], 0),
+    ],
+)
+def test_usage_ends_in_its_exit_status(
+    blend: Path, module: Any, capsys: Any, arguments: list[str], status: int
+) -> None:
+    assert module("operators.command").main(arguments) == status
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_missing_blend_file_is_wrong_input(scene: Any, module: Any, capsys: Any) -> None:
+    assert module("operators.command").main(["render", "--output", "x.exr"]) == 3
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_script_runs_the_command_without_the_extension_installed(blend: Path, tmp_path: Path) -> None:
+    code = (
+        "import bpy, runpy, sys; bpy.ops.wm.open_mainfile(filepath=sys.argv[1]); "
+        f"runpy.run_path({str(ROOT / 'farm' / 'run.py')!r}, run_name='__main__')"
+    )
+    output = tmp_path / "####.png"
+    command = [
+        sys.executable,
+        "-c",
+        code,
+        str(blend),
+        "--",
+        "render",
+        "--frames",
+        "2",
+        "--output",
+        str(output),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "0002.png").stat().st_size > 100
+
+
+def test_demo_writes_its_pictures(tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        str(ROOT / "sample_scenes" / "demo.py"),
+        *("--output", str(tmp_path), "--resolution", "48", "--samples", "2"),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for name in ("pinhole", "f5.6", "f11", "f22"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 1000
+    assert "f/11: sharp from 495 to 618 mm" in done.stdout

@@ -1,0 +1,228 @@
+"""Render and Process on real renders: the right way round, settings as they were, Cycles' own blur."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from .scenes import card, dump, emitter
+
+OpenEXR = pytest.importorskip("OpenEXR")
+
+
+def _result() -> Any:
+    """Return the result image as an array with row 0 on top."""
+    image = bpy.data.images["Potmesil Result"]
+    values = np.empty(len(image.pixels), dtype=np.float32)
+    image.pixels.foreach_get(values)
+    columns, rows = image.size
+    return values.reshape(rows, columns, 4)[::-1]
+
+
+def _cycles(scene: Any, path: Path) -> Any:
+    """Return Cycles' own picture of the scene as it is set."""
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_depth = "32"
+    scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    return next(iter(OpenEXR.File(str(path)).channels().values())).pixels[..., :3]
+
+
+def _settings(scene: Any) -> dict[str, Any]:
+    """Return every setting that a render could touch."""
+    return {
+        "render": dump(scene.render),
+        "cycles": dump(scene.cycles),
+        "layers": [dump(layer, 0) for layer in scene.view_layers],
+        "dof": dump(scene.camera.data.dof),
+        "own": dump(scene.potmesil_camera),
+        "frame": scene.frame_current,
+        "images": {i.name for i in bpy.data.images} - {"Potmesil Result", "Render Result"},
+    }
+
+
+def test_render_makes_a_samples_file_and_a_result(scene: Any, module: Any, tmp_path: Path) -> None:
+    card(scene, "Wall", (0.0, 5.0, 0.0), 20.0, emitter("Glow", (0.2, 0.4, 0.6)))
+    assert bpy.ops.potmesil.render() == {"FINISHED"}
+    picture = _result()
+    assert picture.shape == (64, 96, 4)
+    np.testing.assert_allclose(picture, np.broadcast_to([0.2, 0.4, 0.6, 1.0], picture.shape), atol=1e-5)
+    image = bpy.data.images["Potmesil Result"]
+    assert image.is_float
+    assert image.alpha_mode == "PREMUL"
+    samples = module("potmesil_addon.exr").read_samples(tmp_path / "samples_0001.exr")
+    assert samples.layers[0].object_index is not None
+    assert samples.layers[0].vector is not None
+    np.testing.assert_allclose(samples.layers[0].depth, 5.0, rtol=1e-5)
+    assert samples.lens.focus_distance == pytest.approx(5.0)
+    assert samples.film.width == pytest.approx(0.036)
+    np.testing.assert_allclose(samples.camera.project((0.0, 5.0, 0.0))[0], [48.0, 32.0], atol=1e-3)
+
+
+def test_every_borrowed_setting_is_given_back(scene: Any) -> None:
+    card(scene, "Wall", (0.0, 5.0, 0.0), 20.0, emitter("Glow", (1.0, 1.0, 1.0)))
+    scene.render.use_motion_blur = True
+    scene.camera.data.dof.use_dof = True
+    scene.render.image_settings.file_format = "JPEG"
+    scene.render.image_settings.color_mode = "BW"
+    scene.potmesil_camera.point_samples = True
+    before = _settings(scene)
+    bpy.ops.potmesil.render()
+    assert _settings(scene) == before
+    bpy.ops.potmesil.process()
+    assert _settings(scene) == before
+
+
+def test_settings_are_given_back_after_an_error(scene: Any, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    scene.potmesil_camera.samples_path = str(tmp_path / "file" / "####.exr")
+    scene.render.use_motion_blur = True
+    # Blender fills in a default color space the first time that a format is chosen.
+    scene.render.image_settings.file_format = "JPEG"
+    before = _settings(scene)
+    with pytest.raises(RuntimeError, match="Cannot write"):
+        bpy.ops.potmesil.render()
+    assert _settings(scene) == before
+
+
+def test_cancelled_work_gives_everything_back(scene: Any, module: Any) -> None:
+    card(scene, "Wall", (0.0, 5.0, 0.0), 20.0, emitter("Glow", (1.0, 1.0, 1.0)))
+    bpy.ops.potmesil.render()
+    before = _settings(scene)
+    result = _result().copy()
+    scene.camera.data.dof.aperture_fstop = 0.1
+    process = module("operators.process")
+    steps = process.process_samples(bpy.context, module("operators.export").samples_path(scene))
+    next(steps)
+    next(steps)
+    steps.close()
+    scene.camera.data.dof.aperture_fstop = 0.5
+    assert _settings(scene) == before
+    np.testing.assert_array_equal(_result(), result)
+
+
+def test_process_follows_the_camera_without_rendering(scene: Any) -> None:
+    card(scene, "Near", (-0.5, 4.0, 0.0), 1.0, emitter("Red", (1.0, 0.0, 0.0)))
+    card(scene, "Wall", (0.0, 9.0, 0.0), 30.0, emitter("Blue", (0.0, 0.0, 1.0)))
+    scene.camera.data.dof.focus_distance = 4.0
+    scene.camera.data.dof.aperture_fstop = 100.0
+    bpy.ops.potmesil.render()
+    sharp = _result().copy()
+    renders = []
+    bpy.app.handlers.render_init.append(lambda *_: renders.append(1))
+    try:
+        scene.camera.data.dof.aperture_fstop = 0.5
+        bpy.ops.potmesil.process()
+    finally:
+        bpy.app.handlers.render_init.pop()
+    assert not renders
+    blurred = _result()
+    assert np.abs(blurred - sharp).max() > 0.05
+    scene.potmesil_camera.use_lens = False
+    bpy.ops.potmesil.process()
+    np.testing.assert_allclose(_result(), sharp, atol=0.02)
+
+
+def test_process_without_samples_says_what_to_do(scene: Any) -> None:
+    with pytest.raises(RuntimeError, match="does not exist"):
+        bpy.ops.potmesil.process()
+
+
+def test_picture_is_the_right_way_round(scene: Any) -> None:
+    card(scene, "Red", (1.0, 5.0, 0.6), 0.6, emitter("Red", (1.0, 0.0, 0.0)))
+    card(scene, "Green", (-1.0, 5.0, -0.6), 0.6, emitter("Green", (0.0, 1.0, 0.0)))
+    bpy.ops.potmesil.render()
+    picture = _result()
+    assert picture[:32, 48:, 0].sum() > 10.0
+    assert picture[32:, :48, 1].sum() > 10.0
+    assert picture[32:, :48, 0].sum() < 0.1
+    assert picture[:32, 48:, 1].sum() < 0.1
+
+
+def test_film_alpha_is_premultiplied_and_blurs_with_the_color(scene: Any) -> None:
+    scene.render.film_transparent = True
+    card(scene, "Card", (0.0, 9.0, 0.0), 2.0, emitter("Glow", (0.8, 0.4, 0.2)))
+    bpy.ops.potmesil.render()
+    picture = _result()
+    alpha = picture[..., 3]
+    assert alpha.min() < 1e-6
+    assert alpha.max() > 1.0 - 1e-6
+    soft = (alpha > 0.1) & (alpha < 0.9)
+    assert soft.sum() > 20
+    np.testing.assert_allclose(
+        picture[soft][:, :3] / alpha[soft][:, None],
+        np.broadcast_to([0.8, 0.4, 0.2], (soft.sum(), 3)),
+        atol=2e-3,
+    )
+
+
+def test_point_samples_give_the_final_size(scene: Any, module: Any, tmp_path: Path) -> None:
+    card(scene, "Wall", (0.0, 5.0, 0.0), 20.0, emitter("Glow", (1.0, 1.0, 1.0)))
+    scene.potmesil_camera.point_samples = True
+    bpy.ops.potmesil.render()
+    assert tuple(bpy.data.images["Potmesil Result"].size) == (96, 64)
+    samples = module("potmesil_addon.exr").read_samples(tmp_path / "samples_0001.exr")
+    assert samples.supersampling == 2
+    assert samples.layers[0].depth.shape == (128, 192)
+
+
+@pytest.mark.parametrize(
+    ("depth", "ratio", "blades"),
+    [(3.0, 1.0, 3), (9.0, 1.0, 3), (9.0, 1.7, 3), (3.0, 1.7, 3), (9.0, 1.5, 0), (3.0, 1.0, 5)],
+)
+def test_bokeh_has_cycles_size_shape_and_orientation(
+    scene: Any, tmp_path: Path, depth: float, ratio: float, blades: int
+) -> None:
+    # A small light, wide open: its blur is the aperture's image and nothing else. The frame is wide enough
+    # for the renormalisation at its border not to reach the light.
+    # Point samples, since an anti-aliased light this small is half made of its rim, which has the depth of
+    # what lies behind.
+    scene.render.resolution_x, scene.render.resolution_y = 160, 120
+    scene.potmesil_camera.point_samples = True
+    card(
+        scene,
+        "Light",
+        (0.02 * depth, depth, 0.01 * depth),
+        0.012 * depth,
+        emitter("Glow", (1.0, 1.0, 1.0), 50.0),
+    )
+    dof = scene.camera.data.dof
+    dof.aperture_fstop, dof.aperture_blades = 0.06, blades
+    dof.aperture_rotation, dof.aperture_ratio = 0.2, ratio
+    scene.cycles.samples = 16
+    bpy.ops.potmesil.render()
+    ours = _result()[..., 1].astype(np.float64)
+    dof.use_dof = True
+    scene.cycles.samples = 1024
+    truth = _cycles(scene, tmp_path / "truth.exr")[..., 1].astype(np.float64)
+    shape = _correlation(ours, truth)
+    assert shape > 0.99
+    for wrong in (ours[::-1], ours[:, ::-1], ours[::-1, ::-1]):
+        # More blades are too nearly symmetric to tell.
+        if blades == 3:
+            assert _correlation(_aligned(wrong, truth), truth) < shape - 0.01
+    np.testing.assert_allclose(_centroid(ours), _centroid(truth), atol=0.25)
+    np.testing.assert_allclose(_spread(ours), _spread(truth), rtol=0.04)
+
+
+def _correlation(a: Any, b: Any) -> float:
+    return float((a * b).sum() / np.sqrt((a**2).sum() * (b**2).sum()))
+
+
+def _centroid(a: Any) -> Any:
+    y, x = np.indices(a.shape)
+    return np.array([(a * y).sum(), (a * x).sum()]) / a.sum()
+
+
+def _spread(a: Any) -> Any:
+    y, x = np.indices(a.shape)
+    cy, cx = _centroid(a)
+    return np.sqrt(np.array([(a * (y - cy) ** 2).sum(), (a * (x - cx) ** 2).sum()]) / a.sum())
+
+
+def _aligned(a: Any, b: Any) -> Any:
+    return np.roll(a, np.rint(_centroid(b) - _centroid(a)).astype(int), axis=(0, 1))
