@@ -23,7 +23,7 @@ class POTMESIL_OT_process(SteppedOperator, bpy.types.Operator):
 
     bl_idname = "potmesil.process"
     bl_label = "Process"
-    bl_options = {"REGISTER"}
+    bl_options = {"REGISTER", "UNDO"}
 
     def steps(self, context: bpy.types.Context, *, interactive: bool) -> Iterator[float]:
         """Process the samples of the current frame."""

@@ -21,7 +21,7 @@ class POTMESIL_OT_render(SteppedOperator, bpy.types.Operator):
 
     bl_idname = "potmesil.render"
     bl_label = "Render"
-    bl_options = {"REGISTER"}
+    bl_options = {"REGISTER", "UNDO"}
 
     def steps(self, context: bpy.types.Context, *, interactive: bool) -> Iterator[float]:
         """Render, save the samples, process them."""

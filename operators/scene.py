@@ -17,6 +17,9 @@ from . import compat
 if TYPE_CHECKING:
     import bpy
 
+_DEFAULT_CLAMP = 10.0
+"""Cycles' own default for indirect light, which hardly touches a highlight that the camera sees."""
+
 _RENDERED_TYPES = ("MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "VOLUME", "POINTCLOUD")
 
 
@@ -51,7 +54,7 @@ def scene_facts(scene: bpy.types.Scene) -> SceneFacts:
         and cycles.use_denoising
         and any(compat.view_layer_denoises(layer) for layer in layers),
         clamped=cycles is not None
-        and (cycles.sample_clamp_direct > 0.0 or cycles.sample_clamp_indirect > 0.0),
+        and (cycles.sample_clamp_direct > 0.0 or 0.0 < cycles.sample_clamp_indirect < _DEFAULT_CLAMP),
         stereo=scene.render.use_multiview,
     )
 

@@ -244,7 +244,7 @@ def annotate(source: Path, destination: Path, attributes: Mapping[str, Any]) -> 
     file.parts[0].header.update(attributes)
     for part in file.parts:
         part.header["compression"] = OpenEXR.ZIP_COMPRESSION
-    with whole_file(destination) as part_path:
+    with whole_file(destination) as part_path, _quiet():
         file.write(str(part_path))
 
 
@@ -270,7 +270,7 @@ def write_picture(path: Path, picture: Float32Array, attributes: Mapping[str, An
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
     }
-    with whole_file(path) as part:
+    with whole_file(path) as part, _quiet():
         OpenEXR.File(header, {"RGBA": np.ascontiguousarray(picture)}).write(str(part))
 
 
@@ -489,7 +489,7 @@ def _first_line(error: BaseException) -> str:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep the library's own messages about damaged files off the terminal: ours says it in a line."""
+    """Keep the library's own messages off the terminal; what is wrong it also raises."""
     sys.stderr.flush()
     try:
         saved = os.dup(2)

@@ -10,7 +10,7 @@ from ..potmesil_addon.lens import depth_of_field
 from ..potmesil_addon.preflight import check_scene
 
 _ICONS = {"error": "CANCEL", "warning": "ERROR", "note": "INFO"}
-_LABEL_WIDTH = 7.0
+_LABEL_WIDTH = 6.2
 """Pixels a character at the standard interface scale, to break a sentence into labels."""
 
 

@@ -17,7 +17,6 @@ def _titles(scene: Any, module: Any) -> list[str]:
 
 def test_prepared_scene_has_no_findings(scene: Any, module: Any) -> None:
     bpy.ops.potmesil.setup_passes()
-    scene.cycles.sample_clamp_indirect = 0.0
     assert _titles(scene, module) == []
 
 
@@ -26,7 +25,7 @@ def test_findings_name_what_is_there(scene: Any, module: Any) -> None:
         card(scene, "Card", (x, 5.0, 0.0), 1.0, emitter("Glow", (1.0, 1.0, 1.0)))
     scene.camera.data.dof.use_dof = True
     scene.cycles.use_denoising = True
-    scene.cycles.sample_clamp_indirect = 10.0
+    scene.cycles.sample_clamp_direct = 10.0
     titles = _titles(scene, module)
     assert any(title.startswith("Passes Off: Z, Vector, Object Index") for title in titles)
     assert {"Objects Share Index 0", "Camera Blurs Already", "Denoising On", "Samples Clamped"} <= set(titles)

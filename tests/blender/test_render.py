@@ -37,7 +37,10 @@ def _settings(scene: Any) -> dict[str, Any]:
     return {
         "render": dump(scene.render),
         "cycles": dump(scene.cycles),
-        "layers": [dump(layer, 0) for layer in scene.view_layers],
+        "layers": [
+            {name: value for name, value in dump(layer, 0).items() if name.startswith("use")}
+            for layer in scene.view_layers
+        ],
         "dof": dump(scene.camera.data.dof),
         "own": dump(scene.potmesil_camera),
         "frame": scene.frame_current,
@@ -125,6 +128,19 @@ def test_process_follows_the_camera_without_rendering(scene: Any) -> None:
     scene.potmesil_camera.use_lens = False
     bpy.ops.potmesil.process()
     np.testing.assert_allclose(_result(), sharp, atol=0.02)
+
+
+def test_undo_and_redo_leave_the_scene_alone(scene: Any) -> None:
+    card(scene, "Wall", (0.0, 5.0, 0.0), 20.0, emitter("Glow", (1.0, 1.0, 1.0)))
+    bpy.ops.potmesil.render()
+    bpy.ops.ed.undo_push(message="rendered")
+    before = _settings(scene)
+    bpy.ops.potmesil.process()
+    bpy.ops.ed.undo_push(message="processed")
+    for step in (bpy.ops.ed.undo, bpy.ops.ed.redo):
+        step()
+        assert _settings(bpy.context.scene) == before
+    assert bpy.ops.potmesil.process() == {"FINISHED"}
 
 
 def test_process_without_samples_says_what_to_do(scene: Any) -> None:
