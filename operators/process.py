@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -82,14 +83,7 @@ def process_settings(context: bpy.types.Context) -> ProcessSettings:
     lens = scene_lens(evaluated_camera(scene, context.evaluated_depsgraph_get()))
     return ProcessSettings(
         use_lens=own.use_lens,
-        lens=LensAttributes(
-            focal_length=lens.focal_length,
-            f_stop=lens.f_stop,
-            focus_distance=lens.focus_distance,
-            blades=lens.blades,
-            blade_rotation=lens.blade_rotation,
-            anamorphic_ratio=lens.anamorphic_ratio,
-        ),
+        lens=LensAttributes(**asdict(lens)),
         model=own.coc_model,
         psf=PsfSettings(kind=own.psf),
     )

@@ -8,6 +8,11 @@ import bpy
 
 from .scene import rendered_objects
 
+POINT_SAMPLES_TOOLTIP = (
+    "Render at twice the size with the smallest pixel filter, so that color and depth of a sample belong to "
+    "the same point. Edges are better; the render takes about four times as long"
+)
+
 _LARGEST_INDEX = 32767
 
 
@@ -25,10 +30,7 @@ class POTMESIL_OT_setup_passes(bpy.types.Operator):
     )
     point_samples: bpy.props.BoolProperty(
         name="Point Samples",
-        description=(
-            "Render at twice the size with the smallest pixel filter, so that color and depth of a sample "
-            "belong to the same point. Edges are better; the render takes about four times as long"
-        ),
+        description=POINT_SAMPLES_TOOLTIP,
         default=False,
     )
 

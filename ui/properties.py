@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import bpy
 
+from ..operators.setup_passes import POINT_SAMPLES_TOOLTIP
+
 
 class PotmesilSceneSettings(bpy.types.PropertyGroup):
     """What is saved with the scene."""
@@ -33,10 +35,7 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
     )
     point_samples: bpy.props.BoolProperty(
         name="Point Samples",
-        description=(
-            "Render at twice the size with the smallest pixel filter, so that color and depth of a sample "
-            "belong to the same point. Edges are better; the render takes about four times as long"
-        ),
+        description=POINT_SAMPLES_TOOLTIP,
         default=False,
     )
     samples_path: bpy.props.StringProperty(
