@@ -18,7 +18,7 @@ import numpy as np
 from . import __version__, exr, jit, png
 from .camera import Film, pan_tilt_swing
 from .diffraction import lommel_intensity, optical_defocus, optical_radius
-from .errors import EXIT_DONE, EXIT_FAILED, PotmesilError, SettingsError
+from .errors import EXIT_DONE, EXIT_FAILED, InputError, PotmesilError, SettingsError
 from .files import whole_file
 from .focus import WEIGHTINGS
 from .lens import (
@@ -449,7 +449,11 @@ def _plain(value: Any) -> Any:
 
 def _info(options: argparse.Namespace) -> int:
     raw = exr.read_raw(options.input)
-    values = describe(raw, exr.samples_of(raw, options.input))
+    values = _describe_file(raw)
+    try:
+        values |= _describe_samples(exr.samples_of(raw, options.input))
+    except InputError as error:
+        values["not_processable"] = str(error)
     if options.json:
         print(json.dumps(_plain(values)))
         return EXIT_DONE
@@ -471,22 +475,21 @@ def _readable(value: Any) -> str:
     return str(value)
 
 
-def describe(raw: exr.RawFile, samples: Samples) -> dict[str, Any]:
-    """Return what a samples file holds, ready for JSON.
+def _describe_file(raw: exr.RawFile) -> dict[str, Any]:
+    """Return what any file says, ready for JSON."""
+    display = raw.display_window
+    return {
+        "size": [display.columns, display.rows],
+        "display_window": [display.x0, display.y0, display.x1, display.y1],
+        "parts": raw.parts,
+        "passes": sorted({channel.full_name.rpartition(".")[0] or "RGBAZ" for channel in raw.channels}),
+        "channels": [channel.full_name for channel in raw.channels],
+    }
 
-    Parameters
-    ----------
-    raw : RawFile
-        Its channels.
-    samples : Samples
-        What was made of them.
 
-    Returns
-    -------
-    dict
-        Sizes in pixels, depths in metres, motion in pixels.
-    """
-    display, data = samples.display_window, samples.data_window
+def _describe_samples(samples: Samples) -> dict[str, Any]:
+    """Return what the samples in a file are, ready for JSON: depths in metres, motion in pixels."""
+    data = samples.data_window
     layers = []
     for layer in samples.layers:
         finite = layer.depth[np.isfinite(layer.depth)] if layer.depth is not None else np.empty(0)
@@ -514,15 +517,10 @@ def describe(raw: exr.RawFile, samples: Samples) -> dict[str, Any]:
         }
     lens = samples.lens
     return {
-        "size": [display.columns, display.rows],
         "data_window": [data.x0, data.y0, data.x1, data.y1],
-        "display_window": [display.x0, display.y0, display.x1, display.y1],
         "pixel_aspect": samples.pixel_aspect,
         "sample_position": samples.position,
         "supersampling": samples.supersampling,
-        "parts": raw.parts,
-        "passes": sorted({channel.full_name.rpartition(".")[0] or "RGBAZ" for channel in raw.channels}),
-        "channels": [channel.full_name for channel in raw.channels],
         "layers": layers,
         "lens": {
             "focal_length_mm": None if lens.focal_length is None else lens.focal_length * 1000.0,
