@@ -98,7 +98,7 @@ format: .venv/dev/.stamp  ## mend what ruff can mend by itself
 	$(DEV)/ruff format
 
 docs: .venv/dev/.stamp  ## build the documentation into build/docs
-	$(DEV)/sphinx-build -W --keep-going -q docs build/docs
+	$(DEV)/sphinx-build -E -W --keep-going -q docs build/docs
 
 clean:  ## remove what was built; the environments under .venv stay
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage htmlcov

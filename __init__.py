@@ -1,4 +1,4 @@
-"""Potmesil Camera: depth of field and motion blur after the render."""
+"""Potmesil Camera: depth of field after the render."""
 
 
 def register() -> None:

@@ -58,7 +58,11 @@ def main(arguments: list[str]) -> int:
     except SystemExit as stop:
         return int(stop.code or 0)
     try:
-        _render(options)
+        scene = _open_scene(options.scene)
+        # What no option says is as the panel has it; the options were found good above.
+        own = scene.potmesil_camera
+        parser.set_defaults(coc_model=own.coc_model, psf=own.psf, no_lens=not own.use_lens)
+        _render(scene, parser.parse_args(arguments[1:]))
     except PotmesilError as error:
         print(f"Error: {error}", file=sys.stderr, flush=True)
         return error.exit_status
@@ -68,20 +72,29 @@ def main(arguments: list[str]) -> int:
     return EXIT_DONE
 
 
-def _render(options: argparse.Namespace) -> None:
+def _open_scene(name: str | None) -> bpy.types.Scene:
+    """Make a scene of the open .blend file the active one, and return it.
+
+    Raises
+    ------
+    InputError
+        If no file is open or it has no such scene.
+    """
+    # Blender goes on with an empty scene where the .blend file is missing.
+    if not bpy.data.filepath:
+        raise InputError("No .blend file is open; name one that exists before --command.")
+    if name is not None:
+        if name not in bpy.data.scenes:
+            raise InputError(f"The .blend file has no scene '{name}'.")
+        bpy.context.window.scene = bpy.data.scenes[name]
+    return bpy.context.scene
+
+
+def _render(scene: bpy.types.Scene, options: argparse.Namespace) -> None:
     """Render, process and write every frame asked for."""
     from ..potmesil_addon import cli, exr, jit  # noqa: PLC0415 - see kernels
     from ..potmesil_addon.process import process, run  # noqa: PLC0415
 
-    # Blender goes on with an empty scene where the .blend file is missing.
-    if not bpy.data.filepath:
-        raise InputError("No .blend file is open; name one that exists before --command.")
-    if options.scene is not None:
-        if options.scene not in bpy.data.scenes:
-            raise InputError(f"The .blend file has no scene '{options.scene}'.")
-        bpy.context.window.scene = bpy.data.scenes[options.scene]
-    context = bpy.context
-    scene = context.scene
     frames = (scene.frame_current,) if options.frames is None else parse_frames(options.frames)
     settings = cli.process_settings(options)
     output = Path(bpy.path.abspath(options.output)).absolute()
@@ -98,7 +111,7 @@ def _render(options: argparse.Namespace) -> None:
         else:
             template = Path(bpy.path.abspath(options.samples)).absolute()
             samples_file = frame_path(template, frame, several=len(frames) > 1)
-        render_samples(context, samples_file)
+        render_samples(bpy.context, samples_file)
         samples = exr.read_samples(samples_file, tuple(options.layer) if options.layer else None)
         result = run(process(samples, settings))
         target = frame_path(output, frame, several=len(frames) > 1)

@@ -39,6 +39,7 @@ def borrow_for_render(borrowed: Borrowed, scene: bpy.types.Scene) -> None:
     """
     render = scene.render
     borrowed.set(render, "use_motion_blur", False)
+    borrowed.set(render, "use_multiview", False)
     borrowed.set(scene.camera.data.dof, "use_dof", False)
     borrowed.set(render, "use_compositing", False)
     borrowed.set(render, "use_sequencer", False)

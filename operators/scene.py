@@ -46,6 +46,8 @@ def scene_facts(scene: bpy.types.Scene) -> SceneFacts:
         has_depth=all(layer.use_pass_z for layer in layers),
         has_vector=all(layer.use_pass_vector for layer in layers),
         has_object_index=all(layer.use_pass_object_index for layer in layers),
+        # A samples file always holds the vectors.
+        wants_motion=True,
         motion_blur=scene.render.use_motion_blur,
         depth_of_field=camera is not None and camera.dof.use_dof,
         renders_anything=bool(layers),

@@ -177,7 +177,9 @@ def add_process_options(parser: argparse.ArgumentParser) -> None:
     )
     _add_iris(parser)
     parser.add_argument("--no-lens", action="store_true", help="leave out the focus processor")
-    parser.add_argument("--no-motion", action="store_true", help="leave out the motion processor")
+    parser.add_argument(
+        "--no-motion", action="store_true", help="leave out the motion processor, which is yet to come"
+    )
     parser.add_argument("--coc-model", choices=COC_MODELS, default="cycles")
     parser.add_argument("--psf", choices=PSF_KINDS, default="disc")
     parser.add_argument("--tables", choices=TABLE_SPACINGS, default="coc")

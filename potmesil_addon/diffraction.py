@@ -99,7 +99,8 @@ def axial_intensity(u: npt.ArrayLike) -> FloatArray:
 def optical_defocus(depth: npt.ArrayLike, lens: Lens, wavelength: float) -> FloatArray:
     """Return u = k (d/2F)^2 (V_P - V_D) as the papers have it (TOG 1982, eq. 18).
 
-    The papers put the focal length for the image distance, which is good to (1 + magnification)^2.
+    The papers put the focal length for the image distance, which makes u larger by about
+    (1 + magnification)^2.
 
     Parameters
     ----------

@@ -346,8 +346,9 @@ def _choose_layers(
     # Other stereo views are pictures of their own, and a composite has no depth.
     if "" in sets:
         return ("",)
-    with_depth = tuple(name for name, channels in sets.items() if ("depth", 0) in channels)
-    return with_depth or tuple(sets)[:1]
+    usual = {n: channels for n, channels in sets.items() if not channels["combined", 0].parsed.other_view}
+    with_depth = tuple(name for name, channels in usual.items() if ("depth", 0) in channels)
+    return with_depth or tuple(usual or sets)[:1]
 
 
 def _build_layer(

@@ -11,7 +11,7 @@ import numpy as np
 from .camera import Film
 from .errors import InputError
 from .lens import CocModel, Lens, circle_of_confusion
-from .psf import PsfBuilder, PsfSettings
+from .psf import PackedTables, PsfBuilder, PsfSettings
 from .samples import Float32Array, SampleLayer, Samples, Window
 from .scatter import Backend, Scatter, scatter
 
@@ -60,10 +60,10 @@ class FocusReport:
     ----------
     layer : str
         Name of the layer.
-    nearest, farthest : float
+    nearest_m, farthest_m : float
         Finite depths of the samples in metres; NaN where none is finite.
     nearest_circle_px, farthest_circle_px : float
-        Signed circles of confusion of the nearest and farthest sample, diameters in pixels.
+        Signed circles of confusion of the nearest and farthest sample, diameters in final pixels.
     tables : int
         Number of tables of point-spread functions.
     table_bytes : int
@@ -71,8 +71,8 @@ class FocusReport:
     """
 
     layer: str
-    nearest: float
-    farthest: float
+    nearest_m: float
+    farthest_m: float
     nearest_circle_px: float
     farthest_circle_px: float
     tables: int
@@ -142,7 +142,7 @@ def focus_layer(
     for done in scatter(work, target, settings.backend):
         yield 0.05 + 0.95 * done
     picture[seen.y0 - display.y0 : seen.y1 - display.y0, seen.x0 - display.x0 : seen.x1 - display.x0] = target
-    return picture, _report(layer.name, depth, settings, tables.count, tables.nbytes)
+    return picture, _report(layer.name, depth, samples, settings, tables)
 
 
 def average_down(picture: Float32Array, factor: int) -> Float32Array:
@@ -185,10 +185,18 @@ def _weights(depth: Float32Array, weighting: Weighting) -> Float32Array:
 
 
 def _report(
-    name: str, depth: Float32Array, settings: FocusSettings, tables: int, table_bytes: int
+    name: str, depth: Float32Array, samples: Samples, settings: FocusSettings, tables: PackedTables
 ) -> FocusReport:
     finite = depth[np.isfinite(depth)]
     nearest, farthest = (float(finite.min()), float(finite.max())) if finite.size else (np.nan, np.nan)
     circles = circle_of_confusion([float(depth.min()), float(depth.max())], settings.lens, settings.model)
-    near_px, far_px = circles / settings.film.pitch_x
-    return FocusReport(name, nearest, farthest, float(near_px), float(far_px), tables, table_bytes)
+    near_px, far_px = circles / (settings.film.pitch_x * samples.supersampling)
+    return FocusReport(
+        layer=name,
+        nearest_m=nearest,
+        farthest_m=farthest,
+        nearest_circle_px=float(near_px),
+        farthest_circle_px=float(far_px),
+        tables=tables.count,
+        table_bytes=tables.nbytes,
+    )

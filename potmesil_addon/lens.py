@@ -86,7 +86,7 @@ class Lens:
 
 @dataclass(frozen=True, slots=True)
 class DepthOfField:
-    """What appears sharp, in metres; `far` and `total` are ``inf`` beyond the hyperfocal distance."""
+    """What appears sharp, in metres; `far` and `total` are ``inf`` from the hyperfocal distance on."""
 
     hyperfocal: float
     near: float

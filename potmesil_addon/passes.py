@@ -41,11 +41,14 @@ class ChannelName:
         Our name of the pass; ``None`` for a pass that the processors have no use for.
     component : int
         Which component of the pass.
+    other_view : bool
+        Whether it belongs to a stereo view that is not the file's default one.
     """
 
     layer: str
     name: PassName | None
     component: int
+    other_view: bool = False
 
 
 def parse_channel(channel: str, views: tuple[str, ...] = ()) -> ChannelName:
@@ -77,10 +80,12 @@ def parse_channel(channel: str, views: tuple[str, ...] = ()) -> ChannelName:
     else:
         name = None
     layer = ".".join(tokens)
+    other_view = False
     if view is not None and view != views[0]:
+        other_view = True
         layer = f"{layer}.{view}" if layer else view
     if name is None or component not in _COMPONENTS[name]:
-        return ChannelName(layer, None, 0)
+        return ChannelName(layer, None, 0, other_view)
     index = _COMPONENTS[name].index(component)
     # Depth and index have one component under either of two names.
-    return ChannelName(layer, name, index if name in ("combined", "vector") else 0)
+    return ChannelName(layer, name, index if name in ("combined", "vector") else 0, other_view)

@@ -157,7 +157,7 @@ def _warnings(facts: SceneFacts) -> list[Finding]:
             Finding(
                 "warning",
                 "Objects Share Index 0",
-                "Objects cannot be told apart at edges; Set Up Passes gives each its own index.",
+                "Samples cannot tell one object from another; Set Up Passes gives each an index.",
                 "setup_passes",
             )
         )
@@ -167,7 +167,11 @@ def _warnings(facts: SceneFacts) -> list[Finding]:
         )
     if facts.stereo:
         found.append(
-            Finding("warning", "Stereo Views", "Only the first view is processed; render views one by one.")
+            Finding(
+                "warning",
+                "Stereo Views",
+                "Only the camera's own view is rendered; render the others one by one.",
+            )
         )
     return found
 

@@ -164,8 +164,8 @@ class PsfBuilder:
     film : Film
         The pixel grid that the tables are for.
     model : {"cycles", "paper"}
-        How out-of-focus points are imaged. The papers' diffraction pattern ends at the circle of
-        confusion (TOG 1982, section 3.2); ours fades out past it.
+        How out-of-focus points are imaged. The diffraction pattern of ``paper`` ends at the
+        circle of confusion (TOG 1982, section 3.2), that of ``cycles`` fades out past it.
     settings : PsfSettings
         Kind of PSF and of tables.
     position : {"center", "corner"}

@@ -195,7 +195,7 @@ def _scatter_bands(
 
     A band belongs to one thread and takes its samples in raster order, so the sums do not depend on the
     number of threads. The length of `primaries` is known to the compiler, the shape of `delta` is not:
-    a test of the latter in the innermost loop would cost five times as much as the loop.
+    a test of the latter in the innermost loop would cost several times as much as the loop.
     """
     height, columns = output.shape[0], output.shape[1]
     channels = 4 + len(primaries)

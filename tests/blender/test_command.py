@@ -57,6 +57,23 @@ def test_options_win_over_the_camera(blend: Path, module: Any, tmp_path: Path) -
     assert header["focus"] == pytest.approx(7.0)
 
 
+def test_command_follows_the_panel_where_no_option_speaks(blend: Path, module: Any, tmp_path: Path) -> None:
+    main = module("operators.command").main
+    bpy.context.scene.potmesil_camera.use_lens = False
+    assert main(["render", "--output", str(tmp_path / "sharp.exr")]) == 0
+    bpy.context.scene.potmesil_camera.use_lens = True
+    bpy.context.scene.potmesil_camera.coc_model = "paper"
+    assert main(["render", "--output", str(tmp_path / "paper.exr")]) == 0
+    assert main(["render", "--output", str(tmp_path / "cycles.exr"), "--coc-model", "cycles"]) == 0
+    lens = {
+        name: OpenEXR.File(str(tmp_path / f"{name}.exr")).header().get("potmesil:lens", "")
+        for name in ("sharp", "paper", "cycles")
+    }
+    assert lens["sharp"] == ""
+    assert '"coc_model": "paper"' in lens["paper"]
+    assert '"coc_model": "cycles"' in lens["cycles"]
+
+
 def test_samples_go_where_they_are_told_and_process_again(blend: Path, module: Any, tmp_path: Path) -> None:
     main = module("operators.command").main
     samples = tmp_path / "kept.exr"

@@ -73,6 +73,7 @@ def test_every_borrowed_setting_is_given_back(scene: Any) -> None:
     scene.render.image_settings.file_format = "JPEG"
     scene.render.image_settings.color_mode = "BW"
     scene.potmesil_camera.point_samples = True
+    scene.render.use_multiview = True
     before = _settings(scene)
     bpy.ops.potmesil.render()
     assert _settings(scene) == before
