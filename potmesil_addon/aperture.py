@@ -226,6 +226,9 @@ def polygon_rows(vertices: npt.ArrayLike, position: SamplePosition = "center") -
     key, inverse = np.unique(row[piece] * width + (i - i.min()), return_inverse=True)
     delta: FloatArray = np.bincount(inverse, weights=weight[piece] * change).astype(np.float64)
     entry_row, offset = np.divmod(key, width)
+    # Rounding must not leave a row open: what is left would stretch to the frame's border.
+    last = np.append(np.flatnonzero(np.diff(entry_row)), entry_row.size - 1)
+    delta[last] -= np.add.reduceat(delta, np.append(0, last[:-1] + 1))
     rows = np.arange(int(row.min()), int(row.max()) + 1)
     return RowDifferences(
         first_row=int(rows[0]),
@@ -240,17 +243,13 @@ def polygon_rows(vertices: npt.ArrayLike, position: SamplePosition = "center") -
 
 def _covered_right_of(x_low: FloatArray, x_high: FloatArray, pixel: IntArray) -> FloatArray:
     """Return the mean part of a pixel [i, i + 1] that lies right of x, for x even in [x_low, x_high]."""
-    span = x_high - x_low
-    upright = span < 1e-12
-    mean = (_ramp_integral(pixel + 1.0 - x_low) - _ramp_integral(pixel + 1.0 - x_high)) / np.where(
-        upright, 1.0, span
-    )
-    return np.where(upright, np.clip(pixel + 1.0 - x_low, 0.0, 1.0), mean)
-
-
-def _ramp_integral(t: FloatArray) -> FloatArray:
-    """Return the integral up to t of a ramp that rises from 0 at 0 to 1 at 1."""
-    return np.where(t < 1.0, 0.5 * np.clip(t, 0.0, None) ** 2, t - 0.5)
+    near, far = pixel + 1.0 - x_high, pixel + 1.0 - x_low
+    # The part is a ramp from 0 to 1. All lengths are differences of the same two numbers, so that an edge
+    # which is all but upright loses no digits.
+    span = far - near
+    start, end = np.clip(near, 0.0, 1.0), np.clip(far, 0.0, 1.0)
+    area = 0.5 * (end - start) * (end + start) + np.maximum(far - np.maximum(near, 1.0), 0.0)
+    return np.asarray(np.divide(area, span, out=end.copy(), where=span > 0.0))
 
 
 def _disc_area(x: npt.NDArray[np.floating], y: npt.NDArray[np.floating]) -> FloatArray:

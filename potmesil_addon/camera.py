@@ -158,9 +158,10 @@ class FrameFormat:
         columns, rows = self.frame_size
         if self.border is None:
             return 0, 0, columns, rows
-        x_min, x_max, y_min, y_max = self.border
-        left, right = int(x_min * columns), int(x_max * columns)
-        bottom, top = int(y_min * rows), int(y_max * rows)
+        # Blender keeps the border, and multiplies it, in single precision.
+        x_min, x_max, y_min, y_max = np.asarray(self.border, dtype=np.float32)
+        left, right = int(x_min * np.float32(columns)), int(x_max * np.float32(columns))
+        bottom, top = int(y_min * np.float32(rows)), int(y_max * np.float32(rows))
         return left, rows - top, max(right, left + 1), max(rows - bottom, rows - top + 1)
 
     @property

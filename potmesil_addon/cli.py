@@ -45,6 +45,7 @@ from .scatter import BACKENDS
 _EXIT_INTERRUPTED: Final = 130
 _PAST_THE_EDGE: Final = 10.0 * math.pi
 _MAX_PROFILE: Final = 20_000
+_MAX_V: Final = 1e5
 
 
 def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m potmesil_addon") -> int:
@@ -342,11 +343,11 @@ def _dof(options: argparse.Namespace) -> int:
         "depth_of_field_m": _finite(limits.total),
     }
     if options.json:
-        print(json.dumps(values))
+        print(json.dumps(_plain(values)))
         return EXIT_DONE
     for name, value in values.items():
         label = name.removesuffix("_m").replace("_", " ")
-        print(f"{label:>14}: " + ("infinity" if value is None else f"{value:.4g} m"))
+        print(f"{label:>14}: " + ("infinity" if value is None or math.isinf(value) else f"{value:.4g} m"))
     return EXIT_DONE
 
 
@@ -365,9 +366,12 @@ def _psf(options: argparse.Namespace) -> int:
     u = -math.copysign(edge, circle)
     if options.coc_model == "paper":
         u = float(optical_defocus(options.depth, lens, wavelength))
-    if not math.isfinite(u):
-        raise SettingsError("A point at the focal length has no image; choose another --depth.")
     reach = max(abs(u), edge) + _PAST_THE_EDGE
+    if not reach <= _MAX_V:
+        raise SettingsError(
+            f"The point is too far out of focus for a diffraction pattern (u = {u:g}, at most {_MAX_V:g}); "
+            "choose another --depth or a smaller aperture."
+        )
     v = np.linspace(0.0, reach, min(max(256, math.ceil(reach * 4.0)), _MAX_PROFILE) + 1)
     values = {
         "u": u,
@@ -380,7 +384,7 @@ def _psf(options: argparse.Namespace) -> int:
     if options.output is not None:
         _write_table(options, lens, circle, None if options.wavelength_nm is None else wavelength)
     if options.json:
-        print(json.dumps(values))
+        print(json.dumps(_plain(values)))
     else:
         print(f"u = {u:.6g}, circle of confusion {circle * 1000.0:.6g} mm")
     return EXIT_DONE

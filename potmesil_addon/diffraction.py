@@ -118,7 +118,8 @@ def optical_defocus(depth: npt.ArrayLike, lens: Lens, wavelength: float) -> Floa
     """
     half_angle = 0.5 / lens.f_stop
     shift = image_distance(depth, lens.focal_length) - image_distance(lens.focus_distance, lens.focal_length)
-    return np.asarray(2.0 * math.pi / wavelength * half_angle**2 * shift)
+    with np.errstate(over="ignore"):
+        return np.asarray(2.0 * math.pi / wavelength * half_angle**2 * shift)
 
 
 def optical_radius(radius: npt.ArrayLike, lens: Lens, wavelength: float) -> FloatArray:
@@ -139,7 +140,8 @@ def optical_radius(radius: npt.ArrayLike, lens: Lens, wavelength: float) -> Floa
         v, same shape.
     """
     r = np.asarray(radius, dtype=np.float64)
-    return np.asarray(2.0 * math.pi / wavelength * (0.5 / lens.f_stop) * r)
+    with np.errstate(over="ignore"):
+        return np.asarray(2.0 * math.pi / wavelength * (0.5 / lens.f_stop) * r)
 
 
 def _lommel_numpy(u: FloatArray, v: FloatArray) -> FloatArray:

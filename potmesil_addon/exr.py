@@ -12,7 +12,7 @@ import io
 import math
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 import OpenEXR
 
+from .aperture import SAMPLE_POSITIONS
 from .camera import Camera, Film, without_scale
 from .errors import InputError, SettingsError
 from .files import whole_file
@@ -37,6 +38,11 @@ _NO_SURFACE_DEPTH: Final = 1e9
 
 _HALF_MAX: Final = 65504.0
 """The largest half float, which is what infinity and 1e10 become in a half channel."""
+
+_LARGEST_INDEX: Final = np.iinfo(np.int32).max
+
+_SHARED_BY_PARTS: Final = ("pixelAspectRatio",)
+"""Attributes of ours that OpenEXR wants to be the same in all parts of a file."""
 
 _CARRIED: Final = (
     "nominalFocalLength", "aperture", "focus", "sensorOverallDimensions", "worldToCamera", "worldToNDC",
@@ -89,15 +95,22 @@ def read_raw(path: Path) -> RawFile:
         If the file is missing, damaged, or of a kind that cannot be processed.
     """
     file = _read_file(path)
-    views = tuple(file.parts[0].header.get("multiView", ()))
+    views = _views(file.parts)
     channels = []
     for part in file.parts:
         window = _window(part.header["dataWindow"])
+        view = part.header.get("view")
         part_name = str(part.header.get("name", ""))
+        if isinstance(view, str):
+            part_name = part_name.removesuffix(f"-{view}")
         for name, channel in part.channels.items():
             full = name
             if len(file.parts) > 1 and part_name and not name.startswith(f"{part_name}."):
                 full = f"{part_name}.{name}"
+            if isinstance(view, str) and view not in full.split("."):
+                # Where a part is one view's, Blender names the view in the part and not in the channel.
+                prefix, dot, component = full.rpartition(".")
+                full = f"{prefix}{dot}{view}.{component}"
             channels.append(Channel(full, parse_channel(full, views), channel.pixels, window))
     return RawFile(dict(file.parts[0].header), tuple(channels), len(file.parts))
 
@@ -147,7 +160,7 @@ def samples_of(raw: RawFile, path: Path, layers: tuple[str, ...] | None = None) 
     header = raw.header
     display_window = raw.display_window
     position = header.get("potmesil:samplePosition", "center")
-    if position not in ("center", "corner"):
+    if not isinstance(position, str) or position not in SAMPLE_POSITIONS:
         raise InputError(f"'{path}' has samples at '{position}', which must be center or corner.")
     supersampling = _number(header, "potmesil:supersampling") or 1.0
     if supersampling not in (1.0, 2.0, 3.0, 4.0):
@@ -242,7 +255,9 @@ def annotate(source: Path, destination: Path, attributes: Mapping[str, Any]) -> 
     """
     file = _read_file(source)
     file.parts[0].header.update(attributes)
+    shared = {name: attributes[name] for name in _SHARED_BY_PARTS if name in attributes}
     for part in file.parts:
+        part.header.update(shared)
         part.header["compression"] = OpenEXR.ZIP_COMPRESSION
     with whole_file(destination) as part_path, _quiet():
         file.write(str(part_path))
@@ -296,6 +311,15 @@ def _read_file(path: Path) -> Any:
     if len(file.parts) < len(headers.parts) or not file.parts:
         raise InputError(f"'{path}' is damaged: its pixels cannot be decoded; render or copy it again.")
     return file
+
+
+def _views(parts: Sequence[Any]) -> tuple[str, ...]:
+    """Return the names of a file's stereo views, the default one first."""
+    listed = parts[0].header.get("multiView")
+    if isinstance(listed, list) and all(isinstance(view, str) for view in listed):
+        return tuple(listed)
+    own = (part.header.get("view") for part in parts)
+    return tuple(dict.fromkeys(view for view in own if isinstance(view, str)))
 
 
 def _refuse_unsupported(path: Path, header: Mapping[str, Any]) -> None:
@@ -373,8 +397,8 @@ def _build_layer(
 
     index = None
     if ("object_index", 0) in channels:
-        values = channels["object_index", 0].pixels.astype(np.float32)
-        broken = ~np.isfinite(values)
+        values = channels["object_index", 0].pixels.astype(np.float64)
+        broken = ~(np.abs(values) <= _LARGEST_INDEX)
         _count(repaired, "object_index", int(broken.sum()))
         index = np.rint(np.where(broken, 0.0, values)).astype(np.int32)
 

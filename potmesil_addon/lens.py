@@ -115,7 +115,7 @@ def image_distance(distance: npt.ArrayLike, focal_length: float) -> FloatArray:
         negative (a virtual image) where it is smaller.
     """
     d = np.asarray(distance, dtype=np.float64)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         # Divided through by D so that infinity needs no case of its own.
         return np.asarray(focal_length / (1.0 - focal_length / d))
 
@@ -238,7 +238,7 @@ def circle_of_confusion(depth: npt.ArrayLike, lens: Lens, model: CocModel = "cyc
     """
     p = np.asarray(depth, dtype=np.float64)
     scale = _coc_scale(lens, model)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         return np.asarray(scale * (1.0 / lens.focus_distance - 1.0 / p))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -36,6 +36,17 @@ PRIMARY_WAVELENGTHS: Final = (611e-9, 549e-9, 464e-9)
 """Dominant wavelengths in metres of the Rec. 709 red, green and blue primaries."""
 
 MAX_TABLES: Final = 20_000
+
+_MAX_STEPS: Final = 1 << 24
+
+_LARGEST_CIRCLE: Final = 32768.0
+"""Diameter in pixels past which a sample, spread ever thinner, counts as spread no wider."""
+
+_LARGEST_U: Final = 5000.0
+"""Defocus past which the diffraction pattern is taken for the geometrical disc it approaches."""
+
+_DELTA_BITS: Final = 25
+"""Binary digits of a packed table's entries; see `PsfBuilder.pack`."""
 
 _DIFFRACTION_MARGIN: Final = 10.0 * math.pi
 """How far in v past the geometric shadow edge the diffraction pattern is kept.
@@ -220,6 +231,11 @@ class PsfBuilder:
             index = below.astype(np.int64)
             fraction = (position - below).astype(np.float32)
         first = int(index.min())
+        if int(index.max()) - first > _MAX_STEPS:
+            raise SettingsError(
+                "The nearest and the farthest sample lie too many steps of tables apart; "
+                "use a larger step between them or tables at equal steps of the circle."
+            )
         used = np.bincount((index - first).reshape(-1)) > 0
         if fraction is not None:
             used = np.append(used, False)
@@ -268,6 +284,10 @@ class PsfBuilder:
     def pack(self, tables: list[RowDifferences]) -> PackedTables:
         """Put tables into flat arrays.
 
+        Entries are rounded to 25 binary digits of the table's largest. Times a colour's 24 digits they
+        fit a double exactly, so that a row that was opened closes again without a trace, however bright
+        the sample; a table's values change by 3e-8 of its largest.
+
         Parameters
         ----------
         tables : list of RowDifferences
@@ -285,7 +305,7 @@ class PsfBuilder:
             row_begin=np.concatenate([t.row_begin + e for t, e in zip(tables, entries, strict=False)]),
             row_end=np.concatenate([t.row_end + e for t, e in zip(tables, entries, strict=False)]),
             offset=np.concatenate([t.offset for t in tables]).astype(np.int32),
-            delta=np.concatenate([t.delta for t in tables]),
+            delta=np.concatenate([_rounded(t) for t in tables]),
             symmetric=tables[0].symmetric,
             mirror=tables[0].mirror,
         )
@@ -316,14 +336,23 @@ class PsfBuilder:
         step = min(self.film.pitch_x, self.film.pitch_y) / _ANNULI_PER_PIXEL
         margin = _DIFFRACTION_MARGIN * max(per_v) if self.model == "cycles" else 0.0
         reaches = [max(0.5 * abs(float(c)) + margin, step) for c in circles]
-        discs = self._disc_stack(math.ceil(max(reaches) / step), step)
+        largest_u = self._optical_defocus(circles, min(self.settings.wavelengths))
+        patterned = [reach for reach, u in zip(reaches, largest_u, strict=True) if u <= _LARGEST_U]
+        discs = self._disc_stack(math.ceil(max(patterned, default=step) / step), step)
         rows, columns = discs.shape_quadrant
-        for circle, reach in zip(circles, reaches, strict=True):
+        for circle, reach, u_of_blue in zip(circles, reaches, largest_u, strict=True):
+            if u_of_blue > _LARGEST_U:
+                disc = ellipse_rows(*self._radii(0.5 * abs(float(circle))), self.position)
+                yield replace(disc, delta=np.repeat(disc.delta, 3, axis=1))
+                continue
             annuli = max(1, math.ceil(reach / step))
             weights = np.empty((annuli, 3))
             for primary, wavelength in enumerate(self.settings.wavelengths):
                 u = float(self._optical_defocus(np.asarray(circle), wavelength))
                 mean = _annulus_means(u, step / per_v[primary], annuli)
+                # The last annulus is lit as far as the pattern reaches.
+                inner = (annuli - 1) * step
+                mean[-1] *= (reach**2 - inner**2) / ((annuli * step) ** 2 - inner**2)
                 # Disc k, of radius (k + 1) step, lies under all annuli up to k.
                 weights[:, primary] = mean - np.append(mean[1:], 0.0)
             quadrant = np.asarray(discs.stack[:, :annuli] @ weights).reshape(rows, columns, 3)
@@ -379,7 +408,7 @@ class _EqualCircles:
 
     def index(self, depth: npt.NDArray[np.floating]) -> FloatArray:
         circle = circle_of_confusion(depth, self.builder.lens, self.builder.model) / self.scale
-        size = np.abs(circle)
+        size = np.minimum(np.abs(circle), _LARGEST_CIRCLE)
         with np.errstate(divide="ignore"):
             grown = self.even_until * (1.0 + np.log(size / self.even_until))
         return np.asarray(np.sign(circle) * np.where(size <= self.even_until, size, grown) / self.step)
@@ -417,7 +446,20 @@ class _EqualDepths:
 
     def circle(self, index: IntArray) -> FloatArray:
         depth = np.where(index >= self.last + 2, math.inf, self.nearest + index * self.step)
-        return circle_of_confusion(depth, self.builder.lens, self.builder.model)
+        circle = circle_of_confusion(depth, self.builder.lens, self.builder.model)
+        limit = _LARGEST_CIRCLE * self.builder.film.pitch_x
+        return np.clip(circle, -limit, limit)
+
+
+def _rounded(table: RowDifferences) -> FloatArray:
+    """Return a table's entries as multiples of one power of two that close every row exactly."""
+    unit = 2.0 ** (math.floor(math.log2(float(np.abs(table.delta).max()))) + 1 - _DELTA_BITS)
+    delta = np.rint(table.delta / unit)
+    if not table.symmetric:
+        filled = table.row_end > table.row_begin
+        begin, last = table.row_begin[filled], table.row_end[filled] - 1
+        delta[last] -= np.add.reduceat(delta, begin, axis=0)
+    return np.asarray(delta * unit)
 
 
 def _annulus_means(u: float, width: float, count: int) -> FloatArray:

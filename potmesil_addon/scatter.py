@@ -211,7 +211,8 @@ def _scatter_bands(
                 x = column + origin_x
                 t = table[row, column]
                 after = float(fraction[row, column]) if interpolated else 0.0
-                w = weight[row, column] * (1.0 - after)
+                # In single precision, so that times a table's entry the product is exact.
+                w: Any = np.float32(weight[row, column] * (1.0 - after))
                 r, g = color[row, column, 0] * w, color[row, column, 1] * w
                 b, a = color[row, column, 2] * w, color[row, column, 3] * w
                 _add_table(
@@ -219,7 +220,7 @@ def _scatter_bands(
                     symmetric, mirror, primaries,
                 )  # fmt: skip
                 if after > 0.0:
-                    w = weight[row, column] * after
+                    w = np.float32(weight[row, column] * after)
                     r, g = color[row, column, 0] * w, color[row, column, 1] * w
                     b, a = color[row, column, 2] * w, color[row, column, 3] * w
                     _add_table(
@@ -251,28 +252,27 @@ def _scatter_numpy(work: Scatter, output: Float32Array) -> Iterator[float]:
     below = max(0, work.origin[1] + work.color.shape[0] - height) + int(tables.last_row.max())
     stride = left + columns + right + 1
     total = np.zeros(((above + height + below) * stride, primary.size))
-    weight = work.weight.reshape(-1).astype(np.float64)
-    value = np.concatenate(
-        [
-            work.color.reshape(-1, 4) * weight[:, np.newaxis],
-            np.repeat(weight[:, np.newaxis], primary.size - 4, axis=1),
-        ],
-        axis=1,
-    )
+    color, weight = work.color.reshape(-1, 4), work.weight.reshape(-1)
     row, column = np.divmod(np.arange(weight.size), work.color.shape[1])
     place = (row + work.origin[1] + above) * stride + column + work.origin[0] + left
+    fraction = None if assignment.fraction is None else assignment.fraction.reshape(-1)
     table = assignment.table.reshape(-1)
     order = np.argsort(table, kind="stable")
     bounds = np.searchsorted(table[order], np.arange(tables.count + 1))
+
+    def add(t: int, samples: npt.NDArray[np.int64], share: npt.NDArray[np.floating]) -> None:
+        # In single precision as in the kernel, so that times a table's entry the product is exact.
+        w = (weight[samples] * share).astype(np.float32)[:, np.newaxis]
+        weights = np.repeat(w, primary.size - 4, axis=1)
+        value = np.concatenate([color[samples] * w, weights], axis=1).astype(np.float64)
+        _add_samples(tables, t, place[samples], value, stride, primary, total)
+
     for t in range(tables.count):
         samples = order[bounds[t] : bounds[t + 1]]
-        if assignment.fraction is None:
-            _add_samples(tables, t, place[samples], value[samples], stride, primary, total)
-        elif samples.size:
-            after = assignment.fraction.reshape(-1)[samples, np.newaxis].astype(np.float64)
-            _add_samples(tables, t, place[samples], value[samples] * (1.0 - after), stride, primary, total)
-            if after.any():
-                _add_samples(tables, t + 1, place[samples], value[samples] * after, stride, primary, total)
+        after = np.zeros(samples.size) if fraction is None else fraction[samples].astype(np.float64)
+        add(t, samples, 1.0 - after)
+        if after.any():
+            add(t + 1, samples, after)
         yield (t + 1) / (tables.count + 1)
     picture = np.cumsum(total.reshape(-1, stride, primary.size), axis=1)
     picture = picture[above : above + height, left : left + columns]
