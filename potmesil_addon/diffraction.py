@@ -119,7 +119,7 @@ def optical_defocus(depth: npt.ArrayLike, lens: Lens, wavelength: float) -> Floa
     half_angle = 0.5 / lens.f_stop
     shift = image_distance(depth, lens.focal_length) - image_distance(lens.focus_distance, lens.focal_length)
     with np.errstate(over="ignore"):
-        return np.asarray(2.0 * math.pi / wavelength * half_angle**2 * shift)
+        return np.asarray(2.0 * math.pi / wavelength * half_angle * half_angle * shift)
 
 
 def optical_radius(radius: npt.ArrayLike, lens: Lens, wavelength: float) -> FloatArray:
