@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from ..potmesil_addon.errors import InputError
 from .borrow import Borrowed
 from .export import borrow_for_render, refuse_errors, render_samples, samples_path, save_samples
 from .process import process_samples
@@ -27,35 +28,37 @@ class POTMESIL_OT_render(SteppedOperator, bpy.types.Operator):
         """Render, save the samples, process them."""
         path = samples_path(context.scene)
         if interactive:
-            yield from _render_as_job(context)
+            yield from self._render_as_job(context)
         else:
             render_samples(context, path)
         for done in process_samples(context, path):
             yield _RENDER_SHARE + (1.0 - _RENDER_SHARE) * done
 
+    def _render_as_job(self, context: bpy.types.Context) -> Iterator[float]:
+        """Render as Blender's own job, with its window, its progress and its ESC, and save the samples."""
+        scene = context.scene
+        refuse_errors(scene)
+        ended: list[str] = []
 
-def _render_as_job(context: bpy.types.Context) -> Iterator[float]:
-    """Render as Blender's own job, with its window, its progress and its ESC, and save the samples."""
-    scene = context.scene
-    refuse_errors(scene)
-    ended: list[str] = []
+        # Blender calls handlers from the render's thread: only note what happened.
+        def complete(*_: Any) -> None:
+            ended.append("complete")
 
-    # Blender calls handlers from the render's thread: only note what happened.
-    def complete(*_: Any) -> None:
-        ended.append("complete")
+        def cancelled(*_: Any) -> None:
+            ended.append("cancel")
 
-    def cancelled(*_: Any) -> None:
-        ended.append("cancel")
-
-    with Borrowed() as borrowed, _Handlers(complete, cancelled):
-        borrow_for_render(borrowed, scene)
-        bpy.ops.render.render("INVOKE_DEFAULT", scene=scene.name)
-        while not ended or bpy.app.is_job_running("RENDER"):
-            yield 0.0
-        if "cancel" in ended:
-            raise CancelledError
-        save_samples(scene, context.evaluated_depsgraph_get(), samples_path(scene))
-    yield _RENDER_SHARE
+        with Borrowed() as borrowed, _Handlers(complete, cancelled):
+            borrow_for_render(borrowed, scene)
+            bpy.ops.render.render("INVOKE_DEFAULT", scene=scene.name)
+            if not ended and not bpy.app.is_job_running("RENDER"):
+                raise InputError("Blender did not start the render; end other renders and try again.")
+            while not ended or bpy.app.is_job_running("RENDER"):
+                yield 0.0
+            # Blender tells the handlers of a render that ESC ended that it is complete.
+            if self.escaped or "cancel" in ended:
+                raise CancelledError
+            save_samples(scene, context.evaluated_depsgraph_get(), samples_path(scene))
+        yield _RENDER_SHARE
 
 
 class _Handlers:

@@ -24,6 +24,9 @@ class SteppedOperator:
     it: what it holds is given back in its ``finally`` blocks.
     """
 
+    escaped = False
+    """Whether the artist pressed ESC while Blender rendered."""
+
     _timer: bpy.types.Timer | None = None
     _steps: Iterator[float] | None = None
 
@@ -50,8 +53,13 @@ class SteppedOperator:
         if state.running:
             self.report({"WARNING"}, "Potmesil Camera is working already")
             return {"CANCELLED"}
-        state.running, state.progress, state.error = True, 0.0, ""
         self._steps = self.steps(context, interactive=True)
+        try:
+            # A render that starts here has its event handler under ours, so that we see its ESC.
+            next(self._steps)
+        except PotmesilError as error:
+            return self._failed(context, error)
+        state.running, state.progress, state.error = True, 0.0, ""
         manager = context.window_manager
         self._timer = manager.event_timer_add(_TIMER_SECONDS, window=context.window)
         manager.modal_handler_add(self)
@@ -59,7 +67,10 @@ class SteppedOperator:
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Do a slice of the work at each tick of the timer; ESC cancels."""
-        if event.type == "ESC" and event.value == "PRESS" and not bpy.app.is_job_running("RENDER"):
+        if event.type == "ESC" and event.value == "PRESS":
+            if bpy.app.is_job_running("RENDER"):
+                self.escaped = True
+                return {"PASS_THROUGH"}
             self.cancel(context)
             self.report({"INFO"}, "Cancelled")
             return {"CANCELLED"}

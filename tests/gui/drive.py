@@ -121,8 +121,28 @@ def story() -> Iterator[float]:
     yield 0.5
     shot("processed")
     SEEN["refocused"] = first != pixels()
-    SEEN["motion_blur"] = bpy.context.scene.render.use_motion_blur
-    SEEN["file_format"] = bpy.context.scene.render.image_settings.file_format
+    yield from cancelled_render()
+
+
+def cancelled_render() -> Iterator[float]:
+    """Start a render that would take minutes, and press ESC."""
+    scene = bpy.context.scene
+    scene.cycles.samples = 100_000
+    scene.render.use_motion_blur = True
+    scene.camera.data.dof.use_dof = True
+    before = pixels()
+    click(RENDER_BUTTON)
+    yield from wait(lambda: bpy.app.is_job_running("RENDER"), 10.0)
+    yield 1.0
+    SEEN["borrowed"] = not scene.render.use_motion_blur
+    region = next(r for r in area("PROPERTIES").regions if r.type == "WINDOW")
+    event("ESC", "PRESS", region.x + 70, region.y + 70)
+    event("ESC", "RELEASE", region.x + 70, region.y + 70)
+    yield from wait(lambda: not state().running, 20.0)
+    SEEN["given_back"] = scene.render.use_motion_blur and scene.camera.data.dof.use_dof
+    SEEN["handlers"] = len(bpy.app.handlers.render_complete) + len(bpy.app.handlers.render_cancel)
+    SEEN["result_kept"] = pixels() == before
+    SEEN["file_format"] = scene.render.image_settings.file_format
 
 
 def main() -> None:

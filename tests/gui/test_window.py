@@ -78,7 +78,11 @@ def test_process_button_refocuses(seen: dict[str, Any]) -> None:
     assert seen["refocused"]
 
 
-def test_settings_are_as_they_were(seen: dict[str, Any]) -> None:
+def test_escape_cancels_the_render_and_gives_everything_back(seen: dict[str, Any]) -> None:
+    assert seen["borrowed"]
+    assert seen["given_back"]
+    assert seen["handlers"] == 0
+    assert seen["result_kept"]
     assert seen["file_format"] == "PNG"
 
 
