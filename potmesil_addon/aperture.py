@@ -200,7 +200,7 @@ def polygon_rows(vertices: npt.ArrayLike, position: SamplePosition = "center") -
     half = 0.5 if position == "center" else 0.0
     points, following = points + half, following + half
     # A level edge crosses no row.
-    sloped = np.abs(following[:, 1] - points[:, 1]) > _POINT
+    sloped = following[:, 1] != points[:, 1]
     points, following = points[sloped], following[sloped]
     falling = following[:, 1] > points[:, 1]
     sign = np.where(falling, -1.0, 1.0) / area

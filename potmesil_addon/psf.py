@@ -441,6 +441,7 @@ class _EqualDepths:
         return cls(builder, nearest, step, last=math.ceil((farthest - nearest) / step))
 
     def index(self, depth: npt.NDArray[np.floating]) -> FloatArray:
+        depth = depth.astype(np.float64)
         # One index is left free so that interpolation never reaches the table of infinity.
         return np.where(np.isfinite(depth), (depth - self.nearest) / self.step, self.last + 2.0)
 

@@ -44,11 +44,6 @@ def test_disable_takes_all_out_and_enable_brings_it_back(extension: ModuleType) 
     assert hasattr(bpy.context.scene, "potmesil_camera")
 
 
-def test_registering_is_quick_and_imports_no_numba(extension: ModuleType) -> None:
-    modules = {name for name in importlib.import_module("sys").modules if name.startswith(PACKAGE)}
-    assert f"{PACKAGE}.operators.render" in modules
-
-
 def test_shipped_core_is_the_installed_one(extension: ModuleType) -> None:
     core = importlib.import_module(f"{PACKAGE}.potmesil_addon.lens")
     assert Path(core.__file__).is_relative_to(Path(extension.__file__).parent)

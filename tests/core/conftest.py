@@ -1,0 +1,30 @@
+"""Settings and fixtures that all tests of the core share."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import hypothesis
+import pytest
+
+# Kernels beside the source may have been compiled by the extension, under another package's name, and a
+# cached kernel loads in that package alone. Subprocesses inherit this.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).resolve().parents[2] / "build" / "kernels"))
+
+from potmesil_addon import jit
+
+jit.set_cache_directory(Path(os.environ["NUMBA_CACHE_DIR"]))
+
+# The same examples on every run: a test that fails once in a while helps nobody.
+hypothesis.settings.register_profile("core", derandomize=True, deadline=None, max_examples=60, database=None)
+hypothesis.settings.load_profile("core")
+
+
+@pytest.fixture
+def all_threads() -> Iterator[int]:
+    """Give the number of threads that the kernels may use, and put it back afterwards."""
+    threads = jit.set_thread_count(None)
+    yield threads
+    jit.set_thread_count(threads)

@@ -1,0 +1,816 @@
+"""The command line: what it prints, what it writes, and how it ends."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import OpenEXR
+import png as pypng
+import pytest
+
+from potmesil_addon import __version__, cli, exr
+from potmesil_addon.camera import Camera, FrameFormat, camera_rotation
+from potmesil_addon.lens import Lens, depth_of_field_for_circle
+from potmesil_addon.process import ProcessSettings, process, run
+from potmesil_addon.psf import PRIMARY_WAVELENGTHS, PsfSettings
+from potmesil_addon.samples import LensAttributes, Shutter
+
+from .helpers import (
+    DATA,
+    ROOT,
+    box,
+    data_files,
+    diffraction_integral,
+    ellipse_coverage,
+    importable,
+    needs_data,
+    plain_channels,
+    write_exr,
+)
+
+LENS = ["--focal-length", "50", "--fstop", "2.8", "--focus-distance", "3"]
+SENSOR = ["--sensor-width", "36"]
+
+
+class Ended:
+    """How a run of the command line ended."""
+
+    def __init__(self, status: int, out: str, err: str) -> None:
+        self.status, self.out, self.err = status, out, err
+        assert "Traceback" not in out + err
+        assert status in (0, 2, 3, 4)
+
+    @property
+    def json(self) -> Any:
+        """What was printed, as strict JSON."""
+
+        def refuse(token: str) -> NoReturn:
+            raise AssertionError(f"{token} is no JSON")
+
+        return json.loads(self.out, parse_constant=refuse)
+
+
+Runner = Callable[..., Ended]
+
+
+@pytest.fixture
+def potmesil(capfd: pytest.CaptureFixture[str], all_threads: int) -> Runner:
+    """Run the command line in this process, on copies of what it prints."""
+
+    def runner(*arguments: object) -> Ended:
+        capfd.readouterr()
+        status = cli.main([str(argument) for argument in arguments])
+        return Ended(status, *capfd.readouterr())
+
+    return runner
+
+
+def own_process(*arguments: object, cwd: Path = ROOT) -> Ended:
+    """Run ``python -m potmesil_addon`` with all that it prints."""
+    done = subprocess.run(
+        [sys.executable, "-m", "potmesil_addon", *map(str, arguments)],
+        cwd=cwd,
+        env=importable(),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    return Ended(done.returncode, done.stdout, done.stderr)
+
+
+def one_line(ended: Ended, status: int) -> str:
+    """Return the one sentence of a run that failed."""
+    assert ended.status == status, ended.err
+    assert ended.err.endswith(".\n")
+    assert ended.err.count("\n") == 1, ended.err
+    assert ended.err.startswith("Error: ")
+    return ended.err.strip()
+
+
+def plain_file(folder: Path, name: str = "in.exr", rows: int = 8, columns: int = 12, **header: Any) -> Path:
+    """Write samples that say nothing of a lens."""
+    return write_exr(folder / name, plain_channels(rows, columns), **header)
+
+
+def rendered_file(folder: Path) -> Path:
+    """Write samples with camera, lens and film; the camera at (1, 2, 3), panned 30 degrees, tilted -10."""
+    to_camera = np.eye(4)
+    to_camera[:3, :3] = camera_rotation(math.radians(30.0), math.radians(-10.0), math.radians(5.0))
+    to_camera[:3, 3] = -to_camera[:3, :3] @ [1.0, 2.0, 3.0]
+    camera = Camera.from_format(to_camera, 0.05, FrameFormat(1.2e-3, 0.8e-3, 12, 8))
+    lens = Lens(0.05, 4.0, 3.5, 6, math.radians(10.0), 1.25)
+    plain = plain_channels(8, 12)
+    channels = {f"ViewLayer.Combined.{c}": plain[c] for c in "RGBA"}
+    channels["ViewLayer.Depth.Z"] = plain["Z"]
+    channels["ViewLayer.IndexOB.X"] = np.tile(np.array([0, 3, 7], dtype=np.float32), (8, 4))
+    for component, length in zip("XYZW", (3.0, 4.0, 6.0, 8.0), strict=True):
+        channels[f"ViewLayer.Vector.{component}"] = np.full((8, 12), length, dtype=np.float32)
+    return write_exr(folder / "in.exr", channels, **exr.camera_attributes(camera, lens, Shutter(0.02, 24.0)))
+
+
+def read_rgba(path: Path) -> Any:
+    return OpenEXR.File(str(path)).channels()["RGBA"].pixels
+
+
+def read_png(path: Path) -> Any:
+    columns, rows, lines, info = pypng.Reader(filename=str(path)).read()
+    return np.array([list(line) for line in lines]).reshape(rows, columns, info["planes"])
+
+
+# dof
+
+
+@pytest.mark.parametrize(
+    ("f_stop", "focus", "far", "near"),
+    [(5.6, 2000, 2511, 1662), (11, 550, 618, 495), (22, 2000, 10000, 1111), (22, 290, 328, 260)],
+)
+def test_dof_prints_table_1(potmesil: Runner, f_stop: float, focus: float, far: int, near: int) -> None:
+    ended = potmesil(
+        "dof", "--focal-length", 55, "--fstop", f_stop, "--focus-distance", focus / 1000, "--json"
+    )
+    assert (ended.status, ended.err) == (0, "")
+    values = ended.json
+    assert sorted(values) == ["depth_of_field_m", "far_m", "hyperfocal_m", "near_m"]
+    assert values["hyperfocal_m"] == pytest.approx(55.0 / f_stop, rel=1e-12)
+    assert round(values["far_m"] * 1000) == far
+    assert round(values["near_m"] * 1000) == near
+    assert values["depth_of_field_m"] == pytest.approx(values["far_m"] - values["near_m"], rel=1e-12)
+
+
+@pytest.mark.parametrize("focus", ["20", "inf"])
+def test_dof_prints_null_for_infinity(potmesil: Runner, focus: str) -> None:
+    values = potmesil("dof", "--focal-length", 55, "--fstop", 5.6, "--focus-distance", focus, "--json").json
+    assert values["far_m"] is None
+    assert values["depth_of_field_m"] is None
+    assert values["near_m"] == pytest.approx(55 / 5.6 if focus == "inf" else 20 * 55 / 5.6 / (20 + 55 / 5.6))
+
+
+def test_dof_takes_another_criterion(potmesil: Runner) -> None:
+    values = potmesil("dof", *LENS, "--criterion", 1500, "--json").json
+    assert values["hyperfocal_m"] == pytest.approx(1500 * 0.05 / 2.8, rel=1e-12)
+
+
+@pytest.mark.parametrize("model", ["cycles", "paper"])
+def test_dof_takes_the_films_circle(potmesil: Runner, model: Any) -> None:
+    values = potmesil("dof", *LENS, "--circle-mm", 0.03, "--coc-model", model, "--json").json
+    limits = depth_of_field_for_circle(Lens(0.05, 2.8, 3.0), 3e-5, model)
+    assert (values["near_m"], values["far_m"]) == pytest.approx((limits.near, limits.far), rel=1e-12)
+
+
+def test_dof_prints_for_people(potmesil: Runner) -> None:
+    ended = potmesil("dof", "--focal-length", 55, "--fstop", 11, "--focus-distance", 2)
+    lines = [line.strip() for line in ended.out.splitlines()]
+    assert lines == ["hyperfocal: 5 m", "near: 1.429 m", "far: 3.333 m", "depth of field: 1.905 m"]
+    assert "infinity" in potmesil("dof", *LENS[:4], "--focus-distance", "inf").out
+
+
+# psf
+
+
+@pytest.mark.parametrize("depth", [1.0, 2.9, 3.0, 4.0, math.inf])
+def test_psf_prints_the_papers_pattern(potmesil: Runner, depth: float) -> None:
+    """u by TOG 1982, eq. 18 and the lens law, the circle by eq. 9, the intensity by quadrature."""
+    ended = potmesil(
+        "psf", "--focal-length", 50, "--fstop", 8, "--focus-distance", 3, "--depth", depth, "--json"
+    )
+    assert (ended.status, ended.err) == (0, "")
+    values = ended.json
+    k, d, f = 2.0 * math.pi / 549e-9, 0.05 / 8.0, 0.05
+    plane = f * 3.0 / (3.0 - f)
+    image = f if math.isinf(depth) else f * depth / (depth - f)
+    u = k * (d / (2.0 * f)) ** 2 * (image - plane)
+    assert values["u"] == pytest.approx(u, rel=1e-9, abs=1e-9)
+    assert values["coc_mm"] == pytest.approx((plane - image) / image * d * 1000.0, rel=1e-9, abs=1e-12)
+    assert values["wavelength_nm"] == pytest.approx(549.0)
+    v, intensity = np.array(values["v"]), np.array(values["intensity"])
+    assert v.shape == intensity.shape
+    assert v[0] == 0.0
+    assert (np.diff(v) > 0.0).all()
+    reference = diffraction_integral(values["u"], v)
+    assert np.abs(intensity - reference).max() < 1e-6 * reference.max()
+
+
+def test_psf_profile_reaches_past_the_shadow_edge(potmesil: Runner) -> None:
+    for model in ("cycles", "paper"):
+        values = potmesil("psf", *LENS, "--depth", 4, "--coc-model", model, "--json").json
+        edge = math.pi / (549e-9 * 2.8) * abs(values["coc_mm"]) * 1e-3 / 2.0
+        assert values["v"][-1] >= max(abs(values["u"]), edge) + 30.0
+        assert values["coc_model"] == model
+
+
+@pytest.mark.parametrize("depth", [1.5, 7.0])
+def test_psf_at_rest_has_u_at_the_circles_rim(potmesil: Runner, depth: float) -> None:
+    values = potmesil("psf", *LENS, "--depth", depth, "--coc-model", "cycles", "--json").json
+    circle = 0.05**2 / 2.8 * (1.0 / 3.0 - 1.0 / depth)
+    assert values["coc_mm"] == pytest.approx(circle * 1000.0, rel=1e-9)
+    # k (d/2F) (c/2), positive before the focus as in eq. 18.
+    assert values["u"] == pytest.approx(-math.pi / (549e-9 * 2.8) * circle / 2.0, rel=1e-9)
+
+
+def test_psf_takes_a_wavelength(potmesil: Runner) -> None:
+    one = potmesil("psf", *LENS, "--depth", 4, "--json").json
+    other = potmesil("psf", *LENS, "--depth", 4, "--wavelength-nm", 1098, "--json").json
+    assert other["u"] == pytest.approx(one["u"] / 2.0, rel=1e-9)
+    assert other["coc_mm"] == one["coc_mm"]
+
+
+def test_psf_prints_for_people(potmesil: Runner) -> None:
+    ended = potmesil("psf", *LENS, "--depth", 4)
+    assert ended.status == 0
+    assert ended.out.startswith("u = -")
+    assert "circle of confusion 0.0756" in ended.out
+
+
+def test_psf_writes_the_discs_table(potmesil: Runner, tmp_path: Path) -> None:
+    # 0.05^2 / 2.8 (1/3 - 1/5) = 0.11905 mm: 11.905 pixels of 10 um.
+    options = ["--depth", 5, "--coc-model", "cycles", "--psf", "disc", "--pixel-pitch-um", 10]
+    ended = potmesil("psf", *LENS, *options, "-o", tmp_path / "out.exr")
+    assert ended.status == 0
+    table = read_rgba(tmp_path / "out.exr")
+    radius = 0.05**2 / 2.8 * (1.0 / 3.0 - 1.0 / 5.0) / 10e-6 / 2.0
+    expected = ellipse_coverage(radius, radius, 6, 0.5)
+    assert table.shape == (13, 13, 4)
+    for channel in range(3):
+        np.testing.assert_allclose(table[..., channel], expected, atol=2e-6)
+    assert (table[..., 3] == 1.0).all()
+
+
+@pytest.mark.parametrize("model", ["cycles", "paper"])
+def test_psf_writes_lommels_table_for_each_primary(potmesil: Runner, tmp_path: Path, model: str) -> None:
+    options = ["--depth", 3.2, "--coc-model", model, "--pixel-pitch-um", 5]
+    assert potmesil("psf", *LENS, *options, "-o", tmp_path / "out.exr").status == 0
+    table = read_rgba(tmp_path / "out.exr")
+    assert table.shape[0] == table.shape[1]
+    assert table.shape[0] % 2 == 1
+    np.testing.assert_allclose(table[..., :3].sum(axis=(0, 1)), 1.0, atol=1e-5)
+    assert not np.array_equal(table[..., 0], table[..., 2])
+    # One wavelength is one table for all.
+    potmesil("psf", *LENS, *options, "--wavelength-nm", 500, "-o", tmp_path / "one.exr")
+    table = read_rgba(tmp_path / "one.exr")
+    assert np.array_equal(table[..., 0], table[..., 2])
+
+
+def test_psf_writes_a_polygon_as_it_falls(potmesil: Runner, tmp_path: Path) -> None:
+    # Three blades at -90 degrees point up behind the focus.
+    options = [
+        "--coc-model",
+        "cycles",
+        "--psf",
+        "disc",
+        "--blades",
+        3,
+        "--blade-rotation",
+        -90,
+        "--pixel-pitch-um",
+        5,
+    ]
+    for depth, narrow, wide in ((5, 0, -1), (2.2, -1, 0)):
+        potmesil("psf", *LENS, "--depth", depth, *options, "-o", tmp_path / "out.exr")
+        rows = read_rgba(tmp_path / "out.exr")[..., 1]
+        rows = rows[rows.sum(axis=1) > 1e-9]
+        assert (rows[narrow] > 1e-9).sum() < (rows[wide] > 1e-9).sum() / 2
+
+
+def test_psf_writes_a_16_bit_png(potmesil: Runner, tmp_path: Path) -> None:
+    options = ["--depth", 5, "--coc-model", "cycles", "--psf", "disc", "--pixel-pitch-um", 10]
+    potmesil("psf", *LENS, *options, "-o", tmp_path / "out.png")
+    values = read_png(tmp_path / "out.png")
+    assert values.shape == (13, 13, 3)
+    assert values.max() == 65535
+    assert values[6, 6, 0] == 65535
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["-o", "out.exr"],
+        ["--pixel-pitch-um", "10"],
+        ["-o", "out.gif", "--pixel-pitch-um", "10"],
+        ["-o", "out.exr", "--pixel-pitch-um", "0"],
+        ["-o", "out.exr", "--pixel-pitch-um", "-3"],
+        ["-o", "out.exr", "--pixel-pitch-um", "nan"],
+        ["-o", "out.exr", "--pixel-pitch-um", "10", "--blades", "5"],
+        ["--wavelength-nm", "0"],
+        ["--wavelength-nm", "nan"],
+        ["--depth", "0"],
+        ["--depth", "-1"],
+        ["--depth", "nan"],
+        ["--depth", "0.05"],
+        ["--focus-distance", "0.04"],
+    ],
+)
+def test_psf_refuses(
+    potmesil: Runner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    one_line(potmesil("psf", *LENS, "--depth", 4, *options), 2)
+    assert not list(tmp_path.iterdir())
+
+
+# info
+
+
+def test_info_says_what_a_file_holds(potmesil: Runner, tmp_path: Path) -> None:
+    ended = potmesil("info", rendered_file(tmp_path), "--json")
+    assert (ended.status, ended.err) == (0, "")
+    values = ended.json
+    assert values["size"] == [12, 8]
+    assert values["data_window"] == values["display_window"] == [0, 0, 12, 8]
+    assert values["parts"] == 1
+    assert {"ViewLayer.Combined", "ViewLayer.Depth", "ViewLayer.IndexOB", "ViewLayer.Vector"} == set(
+        values["passes"]
+    )
+    assert "ViewLayer.Depth.Z" in values["channels"]
+    (layer,) = values["layers"]
+    depth = plain_channels(8, 12)["Z"]
+    assert layer["name"] == "ViewLayer"
+    assert layer["depth_m"] == pytest.approx([float(depth.min()), float(depth.max())])
+    assert layer["without_surface"] == 0.0
+    assert layer["objects"] == [0, 3, 7]
+    assert layer["motion_px"] == pytest.approx([5.0, 10.0])
+    lens = values["lens"]
+    assert (lens["focal_length_mm"], lens["f_stop"], lens["focus_distance_m"]) == pytest.approx(
+        (50.0, 4.0, 3.5)
+    )
+    assert lens["blades"] == 6
+    assert values["film_mm"] == pytest.approx([1.2, 0.8])
+    assert values["camera"]["position_m"] == pytest.approx([1.0, 2.0, 3.0], abs=1e-5)
+    assert values["camera"]["pan_deg"] == pytest.approx(30.0, abs=1e-4)
+    assert values["camera"]["tilt_deg"] == pytest.approx(-10.0, abs=1e-4)
+    assert values["camera"]["swing_deg"] == pytest.approx(5.0, abs=1e-4)
+    assert values["repaired"] == {}
+
+
+def test_info_of_a_plain_file(potmesil: Runner, tmp_path: Path) -> None:
+    channels = plain_channels(4, 5)
+    channels["Z"][0] = np.inf
+    channels["G"][1, 1] = np.nan
+    write_exr(tmp_path / "in.exr", channels, dataWindow=box(2, 1, 6, 4), displayWindow=box(0, 0, 9, 5))
+    values = potmesil("info", tmp_path / "in.exr", "--json").json
+    assert values["size"] == [10, 6]
+    assert values["data_window"] == [2, 1, 7, 5]
+    assert values["camera"] is None
+    assert values["film_mm"] is None
+    assert values["lens"]["f_stop"] is None
+    assert values["layers"][0]["without_surface"] == pytest.approx(0.25)
+    assert values["layers"][0]["motion_px"] is None
+    assert values["repaired"] == {"color": 1}
+
+
+def test_info_describes_what_cannot_be_processed(potmesil: Runner, tmp_path: Path) -> None:
+    write_exr(tmp_path / "in.exr", {"Normal.X": np.ones((3, 4), dtype=np.float32)})
+    ended = potmesil("info", tmp_path / "in.exr", "--json")
+    assert (ended.status, ended.err) == (0, "")
+    assert ended.json["size"] == [4, 3]
+    assert ended.json["channels"] == ["Normal.X"]
+    assert "R, G, B" in ended.json["not_processable"]
+    assert "R, G, B" in potmesil("info", tmp_path / "in.exr").out
+
+
+def test_info_prints_for_people(potmesil: Runner, tmp_path: Path) -> None:
+    ended = potmesil("info", rendered_file(tmp_path))
+    assert ended.status == 0
+    assert "size: 12, 8" in ended.out
+    assert "ViewLayer" in ended.out
+    assert "unknown" in potmesil("info", plain_file(tmp_path, "plain.exr")).out
+
+
+@needs_data
+@pytest.mark.parametrize("path", data_files("exr"), ids=lambda path: path.name)
+def test_info_of_other_peoples_files(potmesil: Runner, path: Path) -> None:
+    ended = potmesil("info", path, "--json")
+    assert (ended.status, ended.err) == (0, "")
+    assert ended.json["layers"]
+
+
+# process
+
+
+def test_process_writes_the_focused_picture(potmesil: Runner, tmp_path: Path) -> None:
+    source = rendered_file(tmp_path)
+    ended = potmesil("process", source, "-o", tmp_path / "out.exr")
+    assert (ended.status, ended.err) == (0, "")
+    assert ended.out.splitlines()[-1] == f"Saved: '{tmp_path / 'out.exr'}'"
+    expected = run(process(exr.read_samples(source), ProcessSettings())).picture
+    assert np.array_equal(read_rgba(tmp_path / "out.exr"), expected)
+
+
+@pytest.mark.parametrize(
+    ("options", "settings"),
+    [
+        (["--focal-length", "85"], {"lens": LensAttributes(focal_length=0.085)}),
+        (["--fstop", "1.4"], {"lens": LensAttributes(f_stop=1.4)}),
+        (["--focus-distance", "6"], {"lens": LensAttributes(focus_distance=6.0)}),
+        (["--focus-distance", "inf"], {"lens": LensAttributes(focus_distance=math.inf)}),
+        (["--blades", "0"], {"lens": LensAttributes(blades=0)}),
+        (["--blade-rotation", "45"], {"lens": LensAttributes(blade_rotation=math.pi / 4)}),
+        (["--anamorphic-ratio", "2"], {"lens": LensAttributes(anamorphic_ratio=2.0)}),
+        (["--sensor-width", "2"], {"sensor_width": 0.002}),
+        (["--sensor-height", "2"], {"sensor_height": 0.002}),
+        (["--coc-model", "paper"], {"model": "paper"}),
+        (["--weighting", "1981"], {"weighting": "1981"}),
+        (["--lookup", "interpolated"], {"psf": PsfSettings(lookup="interpolated")}),
+        (["--tables", "equal-z", "--table-step", "500"], {"psf": PsfSettings(tables="equal-z", step=0.5)}),
+        (["--table-step", "3"], {"psf": PsfSettings(step=3.0)}),
+        (["--no-lens"], {"use_lens": False}),
+    ],
+)
+def test_options_win_over_the_file(
+    potmesil: Runner, tmp_path: Path, options: list[str], settings: dict[str, Any]
+) -> None:
+    source = rendered_file(tmp_path)
+    assert potmesil("process", source, "-o", tmp_path / "out.exr", *options).status == 0
+    samples = exr.read_samples(source)
+    picture = read_rgba(tmp_path / "out.exr")
+    assert np.array_equal(picture, run(process(samples, ProcessSettings(**settings))).picture)
+    assert not np.array_equal(picture, run(process(samples, ProcessSettings())).picture)
+
+
+def test_lommel_option(potmesil: Runner, tmp_path: Path) -> None:
+    source = rendered_file(tmp_path)
+    assert (
+        potmesil("process", source, "-o", tmp_path / "out.exr", "--psf", "lommel", "--blades", 0).status == 0
+    )
+    settings = ProcessSettings(lens=LensAttributes(blades=0), psf=PsfSettings(kind="lommel"))
+    expected = run(process(exr.read_samples(source), settings)).picture
+    assert np.array_equal(read_rgba(tmp_path / "out.exr"), expected)
+
+
+def test_backends_and_threads_give_one_picture(potmesil: Runner, tmp_path: Path) -> None:
+    source = rendered_file(tmp_path)
+    pictures = []
+    for options in ([], ["--threads", "1"], ["--threads", "99"], ["--backend", "numpy"]):
+        assert potmesil("process", source, "-o", tmp_path / "out.exr", *options).status == 0
+        pictures.append(read_rgba(tmp_path / "out.exr"))
+    assert np.array_equal(pictures[0], pictures[1])
+    assert np.array_equal(pictures[0], pictures[2])
+    assert np.abs(pictures[0] - pictures[3]).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("left_out", "option"),
+    [(0, "--focal-length"), (2, "--fstop"), (4, "--focus-distance"), (6, "--sensor-width")],
+)
+def test_what_nobody_says_is_named(potmesil: Runner, tmp_path: Path, left_out: int, option: str) -> None:
+    source = plain_file(tmp_path)
+    complete = [*LENS, *SENSOR]
+    options = complete[:left_out] + complete[left_out + 2 :]
+    assert option in one_line(potmesil("process", source, "-o", tmp_path / "out.exr", *options), 2)
+    assert not (tmp_path / "out.exr").exists()
+    assert potmesil("process", source, "-o", tmp_path / "out.exr", *complete).status == 0
+
+
+def test_the_result_says_how_it_was_made(potmesil: Runner, tmp_path: Path) -> None:
+    potmesil(
+        "process",
+        rendered_file(tmp_path),
+        "-o",
+        tmp_path / "out.exr",
+        "--fstop",
+        1.4,
+        "--focus-distance",
+        "inf",
+    )
+    header = OpenEXR.File(str(tmp_path / "out.exr"), header_only=True).parts[0].header
+    # Its own lens in place of the file's.
+    assert header["aperture"] == pytest.approx(1.4)
+    assert header["focus"] == math.inf
+    assert header["nominalFocalLength"] == pytest.approx(50.0)
+    assert json.loads(header["potmesil:lens"])["f_stop"] == 1.4
+    # The camera carried on.
+    assert header["expTime"] == pytest.approx(0.02)
+    source = OpenEXR.File(str(tmp_path / "in.exr"), header_only=True).parts[0].header
+    for name in ("worldToCamera", "worldToNDC", "sensorOverallDimensions"):
+        assert np.array_equal(header[name], source[name])
+
+
+def test_the_result_covers_the_display_window(potmesil: Runner, tmp_path: Path) -> None:
+    plain_file(tmp_path, dataWindow=box(-2, -1, 9, 6), displayWindow=box(1, 2, 8, 5), pixelAspectRatio=2.0)
+    assert potmesil("process", tmp_path / "in.exr", "-o", tmp_path / "out.exr", *LENS, *SENSOR).status == 0
+    part = OpenEXR.File(str(tmp_path / "out.exr")).parts[0]
+    for name in ("dataWindow", "displayWindow"):
+        assert [corner.tolist() for corner in part.header[name]] == [[1, 2], [8, 5]]
+    assert part.header["pixelAspectRatio"] == 2.0
+    assert part.channels["RGBA"].pixels.shape == (4, 8, 4)
+
+
+def lit_corner_file(folder: Path) -> Path:
+    """Write a picture whose pixel in the second row, third column is red, all in focus."""
+    channels = {name: np.zeros((4, 6), dtype=np.float32) for name in "RGB"}
+    channels["R"][1, 2] = 1.0
+    channels["A"] = np.ones((4, 6), dtype=np.float32)
+    channels["Z"] = np.full((4, 6), 3.0, dtype=np.float32)
+    return write_exr(folder / "in.exr", channels)
+
+
+def test_rows_and_columns_keep_their_places(potmesil: Runner, tmp_path: Path) -> None:
+    lit_corner_file(tmp_path)
+    for name in ("out.exr", "out.png"):
+        assert potmesil("process", tmp_path / "in.exr", "-o", tmp_path / name, *LENS, *SENSOR).status == 0
+    assert np.argwhere(read_rgba(tmp_path / "out.exr")[..., 0] > 0.5).tolist() == [[1, 2]]
+    values = read_png(tmp_path / "out.png")
+    assert values.shape == (4, 6, 3)
+    assert np.argwhere(values[..., 0] > 127).tolist() == [[1, 2]]
+    assert values[1, 2].tolist() == [255, 0, 0]
+
+
+def test_png_has_straight_alpha(potmesil: Runner, tmp_path: Path) -> None:
+    channels = plain_channels(4, 6)
+    for name in "RGBA":
+        channels[name][:] = 0.5
+    write_exr(tmp_path / "in.exr", channels)
+    potmesil("process", tmp_path / "in.exr", "-o", tmp_path / "out.png", *LENS, *SENSOR)
+    values = read_png(tmp_path / "out.png")
+    assert values.shape == (4, 6, 4)
+    assert (values == [255, 255, 255, 128]).all()
+
+
+def test_report_is_strict_json(potmesil: Runner, tmp_path: Path) -> None:
+    channels = plain_channels(8, 12)
+    channels["Z"][:] = np.inf
+    channels["R"][2, 2] = np.nan
+    write_exr(tmp_path / "in.exr", channels)
+    options = [*LENS, *SENSOR, "--report", tmp_path / "sub" / "report.json"]
+    ended = potmesil("process", tmp_path / "in.exr", "-o", tmp_path / "out.exr", *options)
+    assert ended.status == 0
+    assert "Repaired 1 color" in ended.out
+    text = (tmp_path / "sub" / "report.json").read_text(encoding="utf-8")
+    report = Ended(0, text, "").json
+    assert report["input"] == str(tmp_path / "in.exr")
+    assert report["output"] == str(tmp_path / "out.exr")
+    assert report["size"] == [12, 8]
+    assert report["repaired"] == {"color": 1}
+    # Nothing has a finite depth.
+    assert report["focus"][0]["nearest_m"] is None
+    assert report["focus"][0]["tables"] == 1
+    assert report["lens"]["f_stop"] == 2.8
+    assert report["threads"] >= 1
+    assert report["seconds"] > 0.0
+
+
+def test_missing_output_folder_is_made(potmesil: Runner, tmp_path: Path) -> None:
+    path = tmp_path / "a" / "b" / "out.exr"
+    assert potmesil("process", rendered_file(tmp_path), "-o", path).status == 0
+    assert [p.name for p in path.parent.iterdir()] == ["out.exr"]
+
+
+@pytest.mark.parametrize("name", ["out.EXR", "out.PNG"])
+def test_endings_may_be_in_capitals(potmesil: Runner, tmp_path: Path, name: str) -> None:
+    assert potmesil("process", lit_corner_file(tmp_path), "-o", tmp_path / name, *LENS, *SENSOR).status == 0
+    magic = (tmp_path / name).read_bytes()[:4]
+    assert magic == (b"\x76\x2f\x31\x01" if name.endswith("EXR") else b"\x89PNG")
+
+
+def layered_file(folder: Path) -> Path:
+    channels = {}
+    for name, depth in (("far", 8.0), ("near", 2.0)):
+        for component, values in plain_channels(4, 6, seed=int(depth)).items():
+            pass_ = "Depth" if component == "Z" else "Combined"
+            channels[f"{name}.{pass_}.{component}"] = (
+                np.full_like(values, depth) if component == "Z" else values
+            )
+    return write_exr(folder / "in.exr", channels)
+
+
+def test_layer_option_takes_layers(potmesil: Runner, tmp_path: Path) -> None:
+    source = layered_file(tmp_path)
+    out = tmp_path / "out.exr"
+    pictures = {}
+    for layer in ("far", "near"):
+        assert potmesil("process", source, "-o", out, "--no-lens", "--layer", layer).status == 0
+        pictures[layer] = read_rgba(out)
+    np.testing.assert_array_equal(pictures["far"][..., 0], plain_channels(4, 6, seed=8)["R"])
+    # Both are opaque, so the near one is all that is seen.
+    assert (
+        potmesil("process", source, "-o", out, "--no-lens", "--layer", "far", "--layer", "near").status == 0
+    )
+    assert np.array_equal(read_rgba(out), pictures["near"])
+    assert "'far', 'near'" in one_line(potmesil("process", source, "-o", out, "--layer", "fog"), 3)
+
+
+@needs_data
+def test_process_of_another_programs_file(potmesil: Runner, tmp_path: Path) -> None:
+    source = DATA / "exr" / "cube0001.exr"
+    ended = potmesil("process", source, "-o", tmp_path / "out.png", *LENS, *SENSOR)
+    assert (ended.status, ended.err) == (0, "")
+    assert read_png(tmp_path / "out.png").shape == (270, 480, 3)
+
+
+# How it ends
+
+
+@pytest.mark.parametrize("command", ["info", "process"])
+def test_missing_input_is_3(potmesil: Runner, tmp_path: Path, command: str) -> None:
+    more = ["-o", tmp_path / "out.exr", *LENS, *SENSOR] if command == "process" else []
+    assert "none.exr" in one_line(potmesil(command, tmp_path / "none.exr", *more), 3)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("command", ["info", "process"])
+def test_damaged_input_is_3_with_one_line(potmesil: Runner, tmp_path: Path, command: str) -> None:
+    data = rendered_file(tmp_path).read_bytes()
+    bad = tmp_path / "bad.exr"
+    more = ["-o", tmp_path / "out.exr", *LENS, *SENSOR] if command == "process" else []
+    for content in (b"", b"no picture\n", data[:100], data[: len(data) // 2], data[:-1]):
+        bad.write_bytes(content)
+        assert "bad.exr" in one_line(potmesil(command, bad, *more), 3)
+    one_line(potmesil(command, tmp_path, *more), 3)
+    assert not (tmp_path / "out.exr").exists()
+
+
+@needs_data
+@pytest.mark.parametrize("path", data_files("exr-damaged"), ids=lambda path: path.name[-24:])
+def test_files_from_fuzzers_are_3_with_one_line(potmesil: Runner, path: Path) -> None:
+    one_line(potmesil("info", path), 3)
+
+
+def test_input_without_depth_is_3(potmesil: Runner, tmp_path: Path) -> None:
+    channels = plain_channels(4, 5)
+    del channels["Z"]
+    write_exr(tmp_path / "in.exr", channels)
+    arguments = ["process", tmp_path / "in.exr", "-o", tmp_path / "out.exr"]
+    assert "depth" in one_line(potmesil(*arguments, *LENS, *SENSOR), 3)
+    assert potmesil(*arguments, "--no-lens").status == 0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--fstop", "0"],
+        ["--fstop", "nan"],
+        ["--focal-length", "-50"],
+        ["--focus-distance", "0"],
+        ["--blades", "-1"],
+        ["--blade-rotation", "inf"],
+        ["--anamorphic-ratio", "0"],
+        ["--sensor-width", "0"],
+        ["--sensor-height", "nan", "--sensor-width", "nan"],
+        ["--table-step", "0"],
+        ["--table-step", "nan"],
+        ["--tables", "equal-z", "--table-step", "-1"],
+        ["--coc-model", "paper", "--focus-distance", "0.01"],
+        ["--psf", "lommel", "--blades", "5"],
+    ],
+)
+def test_values_out_of_range_are_2_with_one_line(
+    potmesil: Runner, tmp_path: Path, options: list[str]
+) -> None:
+    source = plain_file(tmp_path)
+    one_line(potmesil("process", source, "-o", tmp_path / "out.exr", *LENS, *SENSOR, *options), 2)
+    assert not (tmp_path / "out.exr").exists()
+
+
+@pytest.mark.parametrize("name", ["out.jpg", "out", "out.exr.txt"])
+def test_other_endings_are_2_before_any_work(potmesil: Runner, tmp_path: Path, name: str) -> None:
+    source = plain_file(tmp_path)
+    assert name in one_line(potmesil("process", source, "-o", tmp_path / name, *LENS, *SENSOR), 2)
+    assert [path.name for path in tmp_path.iterdir()] == ["in.exr"]
+
+
+def test_the_samples_file_is_never_replaced(potmesil: Runner, tmp_path: Path) -> None:
+    source = plain_file(tmp_path)
+    before = source.read_bytes()
+    (tmp_path / "sub").mkdir()
+    for target in (source, tmp_path / "sub" / ".." / "in.exr"):
+        one_line(potmesil("process", source, "-o", target, *LENS, *SENSOR), 2)
+    assert source.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["nothing"],
+        ["dof"],
+        ["dof", "--fstop", "2.8"],
+        ["dof", *LENS, "--no-such-option"],
+        ["dof", *LENS, "--fstop", "wide"],
+        ["dof", *LENS, "--criterion", "1000", "--circle-mm", "0.03"],
+        ["psf", *LENS],
+        ["psf", *LENS, "--depth", "4", "--coc-model", "other"],
+        ["info"],
+        ["process", "in.exr"],
+        ["process", "-o", "out.exr"],
+        ["process", "in.exr", "-o", "out.exr", "--psf", "other"],
+        ["process", "in.exr", "-o", "out.exr", "--backend", "other"],
+        ["process", "in.exr", "-o", "out.exr", "--threads", "many"],
+    ],
+)
+def test_wrong_usage_is_2(potmesil: Runner, arguments: list[str]) -> None:
+    ended = potmesil(*arguments)
+    assert ended.status == 2
+    assert ended.out == ""
+    assert "usage:" in ended.err
+
+
+def test_help_and_version_are_0(potmesil: Runner) -> None:
+    assert potmesil("--version").out == f"Potmesil Camera {__version__}\n"
+    for command in ((), ("dof",), ("psf",), ("info",), ("process",)):
+        ended = potmesil(*command, "--help")
+        assert ended.status == 0
+        assert "usage:" in ended.out
+
+
+@pytest.mark.parametrize("target", ["file/out.exr", "folder.exr", "file/out.png"])
+def test_unwritable_output_is_4(potmesil: Runner, tmp_path: Path, target: str) -> None:
+    source = plain_file(tmp_path)
+    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "folder.exr").mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    one_line(potmesil("process", source, "-o", tmp_path / target, *LENS, *SENSOR), 4)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_unwritable_report_is_4(potmesil: Runner, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    options = [*LENS, *SENSOR, "--report", tmp_path / "file" / "report.json"]
+    one_line(potmesil("process", plain_file(tmp_path), "-o", tmp_path / "out.exr", *options), 4)
+
+
+def test_too_little_memory_is_4(potmesil: Runner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def exhausted(*_: object) -> NoReturn:
+        raise MemoryError
+
+    monkeypatch.setattr(exr, "read_samples", exhausted)
+    ended = potmesil("process", plain_file(tmp_path), "-o", tmp_path / "out.exr", *LENS, *SENSOR)
+    assert "memory" in one_line(ended, 4)
+
+
+def test_ctrl_c_is_130(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> NoReturn:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(exr, "read_samples", interrupted)
+    assert (
+        cli.main(["process", str(plain_file(tmp_path)), "-o", str(tmp_path / "out.exr"), *LENS, *SENSOR])
+        == 130
+    )
+
+
+STRANGE = ["nan", "inf", "-inf", "0", "-0.0", "-1", "1e-30", "1e30", "1e-300", "1e300", "1e308", "5e-324"]
+
+
+@pytest.mark.parametrize(
+    "option", ["--focal-length", "--fstop", "--focus-distance", "--criterion", "--circle-mm"]
+)
+def test_dof_answers_any_number(potmesil: Runner, option: str) -> None:
+    for value in STRANGE:
+        for model in ("cycles", "paper"):
+            ended = potmesil("dof", *LENS, "--coc-model", model, f"{option}={value}", "--json")
+            if ended.status:
+                one_line(ended, 2)
+            else:
+                assert ended.err == ""
+                assert sorted(ended.json) == ["depth_of_field_m", "far_m", "hyperfocal_m", "near_m"]
+
+
+@pytest.mark.parametrize(
+    "option", ["--focal-length", "--fstop", "--focus-distance", "--depth", "--wavelength-nm"]
+)
+def test_psf_answers_any_number(potmesil: Runner, option: str) -> None:
+    for value in STRANGE:
+        for model in ("cycles", "paper"):
+            ended = potmesil("psf", *LENS, "--depth", 4, "--coc-model", model, f"{option}={value}", "--json")
+            if ended.status:
+                one_line(ended, 2)
+            else:
+                assert ended.err == ""
+                assert math.isfinite(ended.json["u"])
+
+
+# In a process of its own
+
+
+def test_module_runs_by_itself(tmp_path: Path) -> None:
+    source = rendered_file(tmp_path)
+    ended = own_process("process", source.name, "-o", "sub/out.exr", cwd=tmp_path)
+    assert (ended.status, ended.err) == (0, "")
+    assert ended.out == f"Saved: '{Path('sub') / 'out.exr'}'\n"
+    expected = run(process(exr.read_samples(source), ProcessSettings())).picture
+    assert np.array_equal(read_rgba(tmp_path / "sub" / "out.exr"), expected)
+
+
+def test_module_returns_the_status_of_the_shell(tmp_path: Path) -> None:
+    assert own_process("--version").out == f"Potmesil Camera {__version__}\n"
+    assert own_process("dof").status == 2
+    values = own_process("dof", *LENS, "--json").json
+    assert values["hyperfocal_m"] == pytest.approx(50.0 / 2.8)
+    data = rendered_file(tmp_path).read_bytes()
+    (tmp_path / "in.exr").write_bytes(data[:-200])
+    one_line(own_process("process", "in.exr", "-o", "out.exr", cwd=tmp_path), 3)
+    one_line(own_process("info", tmp_path / "none.exr"), 3)
+
+
+def test_primaries_are_those_of_rec_709() -> None:
+    red, green, blue = PRIMARY_WAVELENGTHS
+    assert 600e-9 < red < 620e-9
+    assert 540e-9 < green < 560e-9
+    assert 455e-9 < blue < 475e-9

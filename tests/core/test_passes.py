@@ -1,0 +1,96 @@
+"""Channel names of Blender 4.x and 5.x, of stereo views and of other programs."""
+
+from __future__ import annotations
+
+import pytest
+
+from potmesil_addon.passes import ChannelName, parse_channel
+
+
+@pytest.mark.parametrize(
+    ("channel", "layer", "name", "component"),
+    [
+        # Plain files.
+        ("R", "", "combined", 0),
+        ("G", "", "combined", 1),
+        ("B", "", "combined", 2),
+        ("A", "", "combined", 3),
+        ("Z", "", "depth", 0),
+        # Blender 4.x
+        ("ViewLayer.Combined.R", "ViewLayer", "combined", 0),
+        ("ViewLayer.Combined.A", "ViewLayer", "combined", 3),
+        ("ViewLayer.Depth.Z", "ViewLayer", "depth", 0),
+        ("ViewLayer.IndexOB.X", "ViewLayer", "object_index", 0),
+        ("ViewLayer.Vector.X", "ViewLayer", "vector", 0),
+        ("ViewLayer.Vector.Y", "ViewLayer", "vector", 1),
+        ("ViewLayer.Vector.Z", "ViewLayer", "vector", 2),
+        ("ViewLayer.Vector.W", "ViewLayer", "vector", 3),
+        # Blender 5.x
+        ("ViewLayer.Object Index.X", "ViewLayer", "object_index", 0),
+        ("ViewLayer.Object Index.V", "ViewLayer", "object_index", 0),
+        ("ViewLayer.Depth.V", "ViewLayer", "depth", 0),
+        ("Depth.V", "", "depth", 0),
+        ("Color.R", "", "combined", 0),
+        # A layer may have any name.
+        ("Layer.001.Combined.G", "Layer.001", "combined", 1),
+        ("a.b.c.Depth.Z", "a.b.c", "depth", 0),
+        ("My Layer.Vector.W", "My Layer", "vector", 3),
+        # Another program's layer without a pass.
+        ("beauty.R", "", "combined", 0),
+        ("fg.R", "fg", "combined", 0),
+        ("fg.Z", "fg", "depth", 0),
+    ],
+)
+def test_channel_of_a_pass_we_use(channel: str, layer: str, name: str, component: int) -> None:
+    assert parse_channel(channel) == ChannelName(layer, name, component)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "channel",
+    [
+        "ViewLayer.Normal.X",
+        "ViewLayer.Mist.V",
+        "forward.left.u",
+        "disparityL.x",
+        "Y",
+        "ViewLayer.Combined.Q",
+        "ViewLayer.Depth.Q",
+        "ViewLayer.CryptoObject00.r",
+        "",
+        ".",
+    ],
+)
+def test_other_channels_have_no_name(channel: str) -> None:
+    assert parse_channel(channel).name is None
+
+
+@pytest.mark.parametrize(
+    "channel", ["ViewLayer.Noisy Image.R", "ViewLayer.Glossy Direct.R", "ViewLayer.Diffuse Color.G"]
+)
+def test_colored_passes_are_layers_of_their_own(channel: str) -> None:
+    """They must not be taken for the layer's own picture."""
+    assert parse_channel(channel).layer != "ViewLayer"
+
+
+VIEWS = ("left", "right")
+
+
+@pytest.mark.parametrize(
+    ("channel", "layer", "name"),
+    [
+        ("ViewLayer.Combined.left.R", "ViewLayer", "combined"),
+        ("ViewLayer.Combined.right.R", "ViewLayer.right", "combined"),
+        ("ViewLayer.Depth.right.Z", "ViewLayer.right", "depth"),
+        ("left.R", "", "combined"),
+        ("right.R", "right", "combined"),
+        ("R", "", "combined"),
+        ("right.Z", "right", "depth"),
+    ],
+)
+def test_views_other_than_the_first_are_kept_apart(channel: str, layer: str, name: str) -> None:
+    parsed = parse_channel(channel, VIEWS)
+    assert (parsed.layer, parsed.name) == (layer, name)
+
+
+def test_without_views_left_is_a_layer() -> None:
+    assert parse_channel("left.R").layer == "left"
