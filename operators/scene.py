@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _DEFAULT_CLAMP = 10.0
 """Cycles' own default for indirect light, which hardly touches a highlight that the camera sees."""
 
+_LEAST_FOCUS_DISTANCE = 1e-5
+
 _RENDERED_TYPES = ("MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "VOLUME", "POINTCLOUD")
 
 
@@ -39,7 +41,7 @@ def scene_facts(scene: bpy.types.Scene) -> SceneFacts:
     layers = [layer for layer in scene.view_layers if layer.use]
     cycles = compat.cycles_settings(scene) if scene.render.engine == "CYCLES" else None
     camera = scene.camera.data if scene.camera is not None and scene.camera.type == "CAMERA" else None
-    rendered = rendered_objects(scene)
+    rendered = [item for item in scene.objects if _is_rendered(item)]
     return SceneFacts(
         engine=scene.render.engine,
         camera_type=None if camera is None else camera.type,
@@ -50,6 +52,9 @@ def scene_facts(scene: bpy.types.Scene) -> SceneFacts:
         wants_motion=True,
         motion_blur=scene.render.use_motion_blur,
         depth_of_field=camera is not None and camera.dof.use_dof,
+        focus_at_lens=camera is not None
+        and camera.dof.focus_object is None
+        and camera.dof.focus_distance < _LEAST_FOCUS_DISTANCE,
         renders_anything=bool(layers),
         all_on_index_zero=len(rendered) > 1 and not any(o.pass_index for o in rendered),
         denoising=cycles is not None
@@ -63,10 +68,11 @@ def scene_facts(scene: bpy.types.Scene) -> SceneFacts:
 
 def rendered_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """Return the scene's objects that can show in a render, in the order of their names."""
-    return sorted(
-        (o for o in scene.objects if o.type in _RENDERED_TYPES and not o.hide_render),
-        key=lambda o: o.name_full,
-    )
+    return sorted((item for item in scene.objects if _is_rendered(item)), key=lambda item: item.name_full)
+
+
+def _is_rendered(item: bpy.types.Object) -> bool:
+    return item.type in _RENDERED_TYPES and not item.hide_render
 
 
 def focus_distance(camera: bpy.types.Object) -> float:
@@ -99,7 +105,8 @@ def focus_distance(camera: bpy.types.Object) -> float:
 def scene_lens(camera: bpy.types.Object) -> Lens:
     """Return the lens of Blender's camera.
 
-    One Blender unit is one metre, as Cycles' own aperture has it, whatever the scene's unit scale.
+    One Blender unit is one metre, as Cycles' own aperture has it, whatever the scene's unit scale; and as
+    in Cycles the focus distance is never quite 0.
 
     Parameters
     ----------
@@ -110,17 +117,12 @@ def scene_lens(camera: bpy.types.Object) -> Lens:
     -------
     Lens
         Lens, aperture and focus.
-
-    Raises
-    ------
-    SettingsError
-        If the focus distance is 0.
     """
     data = camera.data
     return Lens(
         focal_length=data.lens / 1000.0,
         f_stop=data.dof.aperture_fstop,
-        focus_distance=focus_distance(camera),
+        focus_distance=max(focus_distance(camera), _LEAST_FOCUS_DISTANCE),
         blades=data.dof.aperture_blades,
         blade_rotation=data.dof.aperture_rotation,
         anamorphic_ratio=data.dof.aperture_ratio,

@@ -29,6 +29,8 @@ class SceneFacts:
         Whether the engine's own motion blur is on.
     depth_of_field : bool
         Whether the camera's own depth of field is on.
+    focus_at_lens : bool
+        Whether the focus distance was never set and is 0.
     renders_anything : bool
         Whether a view layer is used for rendering.
     all_on_index_zero : bool
@@ -49,6 +51,7 @@ class SceneFacts:
     wants_motion: bool = False
     motion_blur: bool = False
     depth_of_field: bool = False
+    focus_at_lens: bool = False
     renders_anything: bool = True
     all_on_index_zero: bool = False
     denoising: bool = False
@@ -142,6 +145,14 @@ def _warnings(facts: SceneFacts) -> list[Finding]:
                 f"Passes Off: {', '.join(missing)}",
                 "Render switches them on for itself; Set Up Passes keeps them on for every render.",
                 "setup_passes",
+            )
+        )
+    if facts.focus_at_lens:
+        found.append(
+            Finding(
+                "warning",
+                "Focus Distance Is 0",
+                "Everything is blurred beyond recognition; set the focus distance or a focus object.",
             )
         )
     if facts.motion_blur and facts.wants_motion:

@@ -31,6 +31,13 @@ def test_findings_name_what_is_there(scene: Any, module: Any) -> None:
     assert {"Objects Share Index 0", "Camera Blurs Already", "Denoising On", "Samples Clamped"} <= set(titles)
 
 
+def test_focus_that_was_never_set_is_named_and_renders_as_in_cycles(scene: Any, module: Any) -> None:
+    card(scene, "Wall", (0.0, 5.0, 0.0), 20.0, emitter("Glow", (1.0, 1.0, 1.0)))
+    scene.camera.data.dof.focus_distance = 0.0
+    assert "Focus Distance Is 0" in _titles(scene, module)
+    assert bpy.ops.potmesil.render() == {"FINISHED"}
+
+
 def test_render_refuses_without_a_camera(scene: Any) -> None:
     scene.camera = None
     with pytest.raises(RuntimeError, match="no camera"):
