@@ -463,8 +463,11 @@ def _info(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(_plain(values)))
         return EXIT_DONE
+    layers = values.pop("layers", [])
     for name, value in values.items():
         print(f"{name.replace('_', ' '):>16}: {_readable(value)}")
+    for layer in layers:
+        print(f"{'layer':>16}: '{layer.pop('name')}', {_readable(layer)}")
     return EXIT_DONE
 
 
@@ -474,7 +477,8 @@ def _readable(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, dict):
-        return "; ".join(f"{key.replace('_', ' ')} {_readable(item)}" for key, item in value.items())
+        inner = "; ".join(f"{key.replace('_', ' ')} {_readable(item)}" for key, item in value.items())
+        return inner or "none"
     if isinstance(value, list):
         inner = ", ".join(_readable(item) for item in value)
         return inner or "none"

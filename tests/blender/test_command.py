@@ -47,6 +47,7 @@ def test_render_writes_every_frame(blend: Path, module: Any, capsys: Any, tmp_pa
     assert sorted(p.name for p in (tmp_path / "passes").iterdir()) == ["0001.exr", "0003.exr"]
     assert sum(line.startswith("Time: ") for line in lines) == 2
     assert "openjd_progress: 100.0" in lines
+    assert any(line.startswith("Note: Passes Off: Z, Vector, Object Index.") for line in lines)
 
 
 def test_options_win_over_the_camera(blend: Path, module: Any, tmp_path: Path) -> None:
