@@ -46,6 +46,8 @@ def blender(tmp_path_factory: pytest.TempPathFactory) -> Any:
             check=False,
         )
 
+    # A Blender that is a script may install itself at its first call.
+    assert run("--version", timeout=1200.0).returncode == 0
     done = run("--command", "extension", "install-file", "-r", "user_default", "-e", str(archive))
     assert done.returncode == 0, done.stdout + done.stderr
     return run
