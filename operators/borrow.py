@@ -6,9 +6,11 @@ import contextlib
 from types import TracebackType
 from typing import Any
 
+from .animation import curves_of
+
 
 class Borrowed:
-    """Remembers what settings were and puts them back.
+    """Remembers what settings were and puts them back; what animates them is muted meanwhile.
 
     Works as a context manager, or with `give_back` where the work spans several calls of a modal
     operator.
@@ -41,6 +43,11 @@ class Borrowed:
         values : dict of str to object
             Their values for now, in the order in which they can be set and put back.
         """
+        for name in values:
+            # A frame is evaluated again before it renders, and animation would win over us.
+            for curve in curves_of(owner, name):
+                self._before.append((curve, "mute", curve.mute))
+                curve.mute = True
         self._before.extend((owner, name, getattr(owner, name)) for name in values)
         for name, value in values.items():
             if getattr(owner, name) != value:

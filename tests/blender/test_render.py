@@ -81,6 +81,24 @@ def test_every_borrowed_setting_is_given_back(scene: Any) -> None:
     assert _settings(scene) == before
 
 
+def test_animated_settings_are_borrowed_and_stay_animated(scene: Any) -> None:
+    card(scene, "Left", (-1.5, 4.0, 0.0), 3.0, emitter("Glow", (1.0, 1.0, 1.0)))
+    dof = scene.camera.data.dof
+    dof.focus_distance, dof.aperture_fstop = 20.0, 0.05
+    dof.use_dof = True
+    assert dof.keyframe_insert("use_dof", frame=1)
+    scene.potmesil_camera.use_lens = False
+    bpy.ops.potmesil.render()
+    # Without the camera's own blur the card's edge is a pixel or two wide.
+    edge = _result()[32, :, 0]
+    assert ((edge > 0.05) & (edge < 0.95)).sum() <= 3
+    assert dof.use_dof
+    dof.use_dof = False
+    scene.frame_set(2)
+    scene.frame_set(1)
+    assert dof.use_dof
+
+
 def test_settings_are_given_back_after_an_error(scene: Any, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     scene.potmesil_camera.samples_path = str(tmp_path / "file" / "####.exr")
