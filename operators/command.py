@@ -14,10 +14,8 @@ import bpy
 
 from ..potmesil_addon.errors import EXIT_DONE, EXIT_FAILED, InputError, PotmesilError, SettingsError
 from ..potmesil_addon.frames import frame_path, parse_frames
-from ..potmesil_addon.preflight import check_scene
 from . import kernels
 from .export import refuse_errors, render_samples, samples_path
-from .scene import scene_facts
 
 NAME = "potmesil_camera"
 
@@ -103,8 +101,7 @@ def _render(scene: bpy.types.Scene, options: argparse.Namespace) -> None:
     cli.check_output(output)
     if options.samples is not None and frame_path(Path(options.samples), 0).suffix.lower() != ".exr":
         raise SettingsError("--samples must end in .exr.")
-    refuse_errors(scene)
-    for finding in check_scene(scene_facts(scene)):
+    for finding in refuse_errors(scene):
         if finding.severity == "warning":
             # Not "Warning": strict farms take that word for a failure.
             print(f"Note: {finding.title}. {finding.text}", flush=True)

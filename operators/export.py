@@ -9,7 +9,7 @@ import bpy
 
 from ..potmesil_addon.errors import InputError
 from ..potmesil_addon.frames import frame_path
-from ..potmesil_addon.preflight import check_scene
+from ..potmesil_addon.preflight import Finding, check_scene
 from . import compat
 from .borrow import Borrowed
 from .scene import evaluated_camera, scene_camera, scene_facts, scene_lens, scene_shutter
@@ -20,11 +20,13 @@ _POINT_FILTER_WIDTH = 0.01
 _POINT_SUPERSAMPLING = 2
 
 
-def refuse_errors(scene: bpy.types.Scene) -> None:
-    """Raise InputError with the first finding that keeps the scene from rendering."""
-    for finding in check_scene(scene_facts(scene)):
+def refuse_errors(scene: bpy.types.Scene) -> tuple[Finding, ...]:
+    """Raise InputError with the first finding that keeps the scene from rendering; return the others."""
+    findings = check_scene(scene_facts(scene))
+    for finding in findings:
         if finding.severity == "error":
             raise InputError(finding.text)
+    return findings
 
 
 def borrow_for_render(borrowed: Borrowed, scene: bpy.types.Scene) -> None:

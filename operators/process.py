@@ -54,19 +54,14 @@ def process_samples(context: bpy.types.Context, path: Path) -> Iterator[float]:
     """
     kernels.use_user_cache()
     from ..potmesil_addon import exr  # noqa: PLC0415 - see kernels
-    from ..potmesil_addon.process import process  # noqa: PLC0415
+    from ..potmesil_addon.process import process, scaled  # noqa: PLC0415
 
     settings = process_settings(context)
     yield 0.0
     samples = exr.read_samples(path)
     yield 0.1
-    steps = process(samples, settings)
-    while True:
-        try:
-            yield 0.1 + 0.9 * next(steps)
-        except StopIteration as stop:
-            show_result(context, store_result(stop.value.picture))
-            return
+    result = yield from scaled(process(samples, settings), 0.1, 0.9)
+    show_result(context, store_result(result.picture))
 
 
 def process_settings(context: bpy.types.Context) -> ProcessSettings:

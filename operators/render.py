@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -28,13 +29,13 @@ class POTMESIL_OT_render(SteppedOperator, bpy.types.Operator):
         """Render, save the samples, process them."""
         path = samples_path(context.scene)
         if interactive:
-            yield from self._render_as_job(context)
+            yield from self._render_as_job(context, path)
         else:
             render_samples(context, path)
         for done in process_samples(context, path):
             yield _RENDER_SHARE + (1.0 - _RENDER_SHARE) * done
 
-    def _render_as_job(self, context: bpy.types.Context) -> Iterator[float]:
+    def _render_as_job(self, context: bpy.types.Context, path: Path) -> Iterator[float]:
         """Render as Blender's own job, with its window, its progress and its ESC, and save the samples."""
         scene = context.scene
         refuse_errors(scene)
@@ -57,7 +58,7 @@ class POTMESIL_OT_render(SteppedOperator, bpy.types.Operator):
             # Blender tells the handlers of a render that ESC ended that it is complete.
             if self.escaped or "cancel" in ended:
                 raise CancelledError
-            save_samples(scene, context.evaluated_depsgraph_get(), samples_path(scene))
+            save_samples(scene, context.evaluated_depsgraph_get(), path)
         yield _RENDER_SHARE
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +18,6 @@ from .errors import SettingsError
 from .lens import FloatArray
 
 SensorFit = Literal["AUTO", "HORIZONTAL", "VERTICAL"]
-
-SENSOR_FITS: Final[tuple[SensorFit, ...]] = ("AUTO", "HORIZONTAL", "VERTICAL")
 
 
 @dataclass(frozen=True, slots=True)

@@ -113,7 +113,7 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
             focused = _sharp(layer, samples)
         else:
             steps = focus_layer(layer, samples, focus)
-            focused, layer_report = yield from _scaled(steps, number, len(layers))
+            focused, layer_report = yield from scaled(steps, number / len(layers), 1.0 / len(layers))
             reports.append(layer_report)
         picture = focused if picture is None else over(picture, focused)
     assert picture is not None
@@ -156,6 +156,34 @@ def run(steps: Generator[float, None, T]) -> T:
     while True:
         try:
             next(steps)
+        except StopIteration as stop:
+            result: T = stop.value
+            return result
+
+
+def scaled(steps: Generator[float, None, T], start: float, share: float) -> Generator[float, None, T]:
+    """Run a part of some work, its progress scaled into the whole's.
+
+    Parameters
+    ----------
+    steps : generator
+        Yields progress from 0 to 1, returns a result.
+    start, share : float
+        Where the part begins in the whole, and how much of it it is.
+
+    Yields
+    ------
+    float
+        Share of the whole done.
+
+    Returns
+    -------
+    object
+        The part's result.
+    """
+    while True:
+        try:
+            yield start + share * next(steps)
         except StopIteration as stop:
             result: T = stop.value
             return result
@@ -240,16 +268,6 @@ def _sharp(layer: SampleLayer, samples: Samples) -> Float32Array:
         seen.y0 - data.y0 : seen.y1 - data.y0, seen.x0 - data.x0 : seen.x1 - data.x0
     ]
     return picture
-
-
-def _scaled(steps: Generator[float, None, T], number: int, count: int) -> Generator[float, None, T]:
-    """Run one of several parts, its progress scaled into the whole's."""
-    while True:
-        try:
-            yield (number + next(steps)) / count
-        except StopIteration as stop:
-            result: T = stop.value
-            return result
 
 
 def _lens_report(focus: FocusSettings) -> dict[str, Any]:

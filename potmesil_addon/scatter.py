@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from . import jit
 from .psf import PackedTables, TableAssignment
+from .samples import Float32Array
 
 Backend = Literal["auto", "numba", "numpy"]
 
@@ -26,8 +27,6 @@ BACKENDS: Final[tuple[Backend, ...]] = ("auto", "numba", "numpy")
 
 BAND_ROWS: Final = 32
 """Rows of pixels that one thread works on at a time; a band of 1920 pixels fits a core's cache."""
-
-Float32Array = npt.NDArray[np.float32]
 
 _NO_LIGHT: Final = 1e-12
 """Weight below which no sample reached a pixel; rounding leaves some 1e-16 of the weights around it."""
