@@ -11,7 +11,7 @@ from ..potmesil_addon.camera import Camera, FrameFormat
 from ..potmesil_addon.errors import InputError
 from ..potmesil_addon.lens import Lens
 from ..potmesil_addon.preflight import SceneFacts
-from ..potmesil_addon.samples import Shutter
+from ..potmesil_addon.shutter import ShutterAttributes
 from . import compat
 
 if TYPE_CHECKING:
@@ -175,10 +175,10 @@ def scene_camera(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
     )
 
 
-def scene_shutter(scene: bpy.types.Scene) -> Shutter:
+def scene_shutter(scene: bpy.types.Scene) -> ShutterAttributes:
     """Return the exposure of Blender's render settings."""
     rate = scene.render.fps / scene.render.fps_base
-    return Shutter(exposure_time=scene.render.motion_blur_shutter / rate, frames_per_second=rate)
+    return ShutterAttributes(exposure_time=scene.render.motion_blur_shutter / rate, frames_per_second=rate)
 
 
 def evaluated_camera(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bpy.types.Object:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import math
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final
@@ -28,13 +29,21 @@ from .errors import InputError, SettingsError
 from .files import whole_file
 from .lens import FloatArray, Lens
 from .passes import ChannelName, parse_channel
-from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Shutter, Window, repair
+from .paths import MotionPaths
+from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window, repair
+from .shutter import ShutterAttributes, attributes_from_json, attributes_to_json
 
 MAX_PIXELS: Final = 1 << 28
 """Largest data window that is read, 16384 x 16384; a damaged header can ask for any memory."""
 
 _NO_SURFACE_DEPTH: Final = 1e9
 """Depths from here on are Blender's way (1e10) of saying that there is no surface."""
+
+STATIONARY: Final = " (stationary)"
+"""Ends the name of the layer that shows a layer's view without its moving objects."""
+
+MOVING: Final = " (moving)"
+"""Ends the name of the layer that shows a layer's moving objects alone."""
 
 _HALF_MAX: Final = 65504.0
 """The largest half float, which is what infinity and 1e10 become in a half channel."""
@@ -156,7 +165,7 @@ def samples_of(raw: RawFile, path: Path, layers: tuple[str, ...] | None = None) 
         raise InputError(f"The parts of '{path}' have different data windows; write them with one.")
     data_window = windows.pop()
     repaired: dict[str, int] = {}
-    built = tuple(_build_layer(name, sets[name], repaired) for name in names)
+    built = tuple(_with_companions(name, sets, data_window, repaired) for name in names)
     header = raw.header
     display_window = raw.display_window
     position = header.get("potmesil:samplePosition", "center")
@@ -178,13 +187,14 @@ def samples_of(raw: RawFile, path: Path, layers: tuple[str, ...] | None = None) 
         lens=_lens_attributes(header),
         film=film,
         camera=_camera(header, film),
-        shutter=Shutter(_number(header, "expTime"), _number(header, "framesPerSecond")),
+        shutter=_shutter(header),
+        paths=_paths(header),
         repaired=repaired,
         attributes={key: header[key] for key in _CARRIED if key in header},
     )
 
 
-def camera_attributes(camera: Camera, lens: Lens, shutter: Shutter) -> dict[str, Any]:
+def camera_attributes(camera: Camera, lens: Lens, shutter: ShutterAttributes) -> dict[str, Any]:
     """Return header attributes that say all of a camera, its lens and its exposure.
 
     Parameters
@@ -193,7 +203,7 @@ def camera_attributes(camera: Camera, lens: Lens, shutter: Shutter) -> dict[str,
         The pinhole camera.
     lens : Lens
         Lens and aperture.
-    shutter : Shutter
+    shutter : ShutterAttributes
         Exposure time and frame rate, where known.
 
     Returns
@@ -231,6 +241,9 @@ def camera_attributes(camera: Camera, lens: Lens, shutter: Shutter) -> dict[str,
         attributes["expTime"] = float(shutter.exposure_time)
     if shutter.frames_per_second is not None:
         attributes["framesPerSecond"] = Fraction(shutter.frames_per_second).limit_denominator(1001)
+    more = attributes_to_json(shutter)
+    if more:
+        attributes["potmesil:shutter"] = json.dumps(more)
     return attributes
 
 
@@ -360,6 +373,8 @@ def _layer_channels(raw: RawFile) -> dict[str, dict[tuple[str, int], Channel]]:
 def _choose_layers(
     path: Path, sets: Mapping[str, Mapping[tuple[str, int], Channel]], wanted: tuple[str, ...] | None
 ) -> tuple[str, ...]:
+    companions = {f"{name}{suffix}" for name in sets for suffix in (STATIONARY, MOVING)}
+    sets = {name: channels for name, channels in sets.items() if name not in companions}
     if wanted is not None:
         for name in wanted:
             if name not in sets:
@@ -373,6 +388,23 @@ def _choose_layers(
     usual = {n: channels for n, channels in sets.items() if not channels["combined", 0].parsed.other_view}
     with_depth = tuple(name for name, channels in usual.items() if ("depth", 0) in channels)
     return with_depth or tuple(usual or sets)[:1]
+
+
+def _with_companions(
+    name: str,
+    sets: Mapping[str, Mapping[tuple[str, int], Channel]],
+    data_window: Window,
+    repaired: dict[str, int],
+) -> SampleLayer:
+    """Return a layer with the layers of what its moving objects hide and of what hides them."""
+    layer = _build_layer(name, sets[name], repaired)
+    companions = [sets.get(f"{name}{suffix}") for suffix in (STATIONARY, MOVING)]
+    if any(c is None or {channel.window for channel in c.values()} != {data_window} for c in companions):
+        return layer
+    stationary, moving = (
+        _build_layer(f"{name}{suffix}", sets[f"{name}{suffix}"], repaired) for suffix in (STATIONARY, MOVING)
+    )
+    return replace(layer, stationary=stationary, moving=moving)
 
 
 def _build_layer(
@@ -403,10 +435,12 @@ def _build_layer(
         index = np.rint(np.where(broken, 0.0, values)).astype(np.int32)
 
     vector = None
-    if all(("vector", component) in channels for component in range(4)):
-        vector = np.stack(
-            [channels["vector", component].pixels.astype(np.float32) for component in range(4)], axis=2
-        )
+    if all(("vector", component) in channels for component in (2, 3)):
+        vector = np.zeros((*red.shape, 4), dtype=np.float32)
+        # Other programs may know the way to the next frame alone.
+        for component in range(4):
+            if ("vector", component) in channels:
+                vector[..., component] = channels["vector", component].pixels
         _count(repaired, "vector", repair(vector, np.asarray(~np.isfinite(vector).all(axis=2))))
     return SampleLayer(name, color, depth, index, vector)
 
@@ -441,6 +475,25 @@ def _lens_attributes(header: Mapping[str, Any]) -> LensAttributes:
         blade_rotation=None if rotation is None else math.radians(rotation),
         anamorphic_ratio=_number(header, "potmesil:apertureRatio"),
     )
+
+
+def _shutter(header: Mapping[str, Any]) -> ShutterAttributes:
+    """Return the exposure; what is damaged counts as not said."""
+    attributes = ShutterAttributes()
+    text = header.get("potmesil:shutter")
+    if isinstance(text, str):
+        with contextlib.suppress(SettingsError, TypeError, ValueError, KeyError, AttributeError):
+            attributes = attributes_from_json(json.loads(text))
+    return replace(
+        attributes,
+        exposure_time=_number(header, "expTime"),
+        frames_per_second=_number(header, "framesPerSecond"),
+    )
+
+
+def _paths(header: Mapping[str, Any]) -> MotionPaths | None:
+    text = header.get("potmesil:motion")
+    return MotionPaths.from_json(text) if isinstance(text, str) else None
 
 
 def _film(header: Mapping[str, Any], display: Window) -> Film | None:

@@ -19,7 +19,11 @@ _ALIASES: Final[dict[str, PassName]] = {
     "Object Index": "object_index",  # Blender 5.0 and later
     "IndexOB": "object_index",  # Blender up to 4.5
     "Vector": "vector",
+    "forward": "vector",  # only the way to the next frame
 }
+
+_FORWARD: Final = ("u", "v")
+"""Components of a ``forward`` pass, which are a vector's last two."""
 
 _COMPONENTS: Final[dict[PassName, tuple[str, ...]]] = {
     "combined": ("R", "G", "B", "A"),
@@ -84,6 +88,8 @@ def parse_channel(channel: str, views: tuple[str, ...] = ()) -> ChannelName:
     if view is not None and view != views[0]:
         other_view = True
         layer = f"{layer}.{view}" if layer else view
+    if name == "vector" and component in _FORWARD:
+        return ChannelName(layer, name, 2 + _FORWARD.index(component), other_view)
     if name is None or component not in _COMPONENTS[name]:
         return ChannelName(layer, None, 0, other_view)
     index = _COMPONENTS[name].index(component)

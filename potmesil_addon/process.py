@@ -15,9 +15,11 @@ from .camera import Film
 from .errors import SettingsError
 from .focus import FocusReport, FocusSettings, Weighting, average_down, focus_layer, over
 from .lens import CocModel, Lens
+from .motion import MotionModel
 from .psf import PsfSettings
 from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window
 from .scatter import Backend
+from .shutter import ShutterAttributes
 
 T = TypeVar("T")
 
@@ -30,8 +32,14 @@ class ProcessSettings:
     ----------
     use_lens : bool
         Run the focus processor.
+    use_motion : bool
+        Run the motion processor, where the file knows a shutter and what moves.
     lens : LensAttributes
         Lens and aperture in place of the file's.
+    shutter : ShutterAttributes
+        The exposure in place of the file's.
+    motion_model : {"auto", "object", "vector"}
+        Whether an object's samples share a path.
     sensor_width, sensor_height : float or None
         Size of the sensor in metres in place of the file's; see `Film.from_sensor`.
     model : {"cycles", "paper"}
@@ -45,7 +53,10 @@ class ProcessSettings:
     """
 
     use_lens: bool = True
+    use_motion: bool = True
     lens: LensAttributes = field(default_factory=LensAttributes)
+    shutter: ShutterAttributes = field(default_factory=ShutterAttributes)
+    motion_model: MotionModel = "auto"
     sensor_width: float | None = None
     sensor_height: float | None = None
     model: CocModel = "cycles"

@@ -10,6 +10,8 @@ import numpy.typing as npt
 
 from .aperture import SamplePosition
 from .camera import Camera, Film
+from .paths import MotionPaths
+from .shutter import ShutterAttributes
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -55,6 +57,10 @@ class SampleLayer:
         Pass index of the object seen.
     vector : ndarray of float32 of shape (rows, columns, 4) or None
         Motion in pixels as the file has it (Blender: to the previous frame x, y, to the next x, y).
+    stationary : SampleLayer or None
+        The same view without its moving objects, so that what they hide is there.
+    moving : SampleLayer or None
+        The moving objects alone on a transparent film, so that what hides them is not.
     """
 
     name: str
@@ -62,6 +68,8 @@ class SampleLayer:
     depth: Float32Array | None = None
     object_index: npt.NDArray[np.int32] | None = None
     vector: Float32Array | None = None
+    stationary: SampleLayer | None = None
+    moving: SampleLayer | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,14 +82,6 @@ class LensAttributes:
     blades: int | None = None
     blade_rotation: float | None = None
     anamorphic_ratio: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Shutter:
-    """What a file says of the exposure: exposure time in seconds and frames per second."""
-
-    exposure_time: float | None = None
-    frames_per_second: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,8 +109,10 @@ class Samples:
         The display window on the film.
     camera : Camera or None
         The pinhole camera that the samples were made with.
-    shutter : Shutter
+    shutter : ShutterAttributes
         The exposure.
+    paths : MotionPaths or None
+        Where moving objects and the camera are over time.
     repaired : dict of str to int
         How many values of each kind were not finite and were replaced from their neighbours.
     attributes : dict
@@ -126,7 +128,8 @@ class Samples:
     lens: LensAttributes = field(default_factory=LensAttributes)
     film: Film | None = None
     camera: Camera | None = None
-    shutter: Shutter = field(default_factory=Shutter)
+    shutter: ShutterAttributes = field(default_factory=ShutterAttributes)
+    paths: MotionPaths | None = None
     repaired: dict[str, int] = field(default_factory=dict)
     attributes: dict[str, Any] = field(default_factory=dict)
 

@@ -20,7 +20,8 @@ from potmesil_addon.camera import Camera, FrameFormat, camera_rotation
 from potmesil_addon.lens import Lens, depth_of_field_for_circle
 from potmesil_addon.process import ProcessSettings, process, run
 from potmesil_addon.psf import PRIMARY_WAVELENGTHS, PsfSettings
-from potmesil_addon.samples import LensAttributes, Shutter
+from potmesil_addon.samples import LensAttributes
+from potmesil_addon.shutter import ShutterAttributes
 
 from .helpers import (
     DATA,
@@ -113,7 +114,9 @@ def rendered_file(folder: Path) -> Path:
     channels["ViewLayer.IndexOB.X"] = np.tile(np.array([0, 3, 7], dtype=np.float32), (8, 4))
     for component, length in zip("XYZW", (3.0, 4.0, 6.0, 8.0), strict=True):
         channels[f"ViewLayer.Vector.{component}"] = np.full((8, 12), length, dtype=np.float32)
-    return write_exr(folder / "in.exr", channels, **exr.camera_attributes(camera, lens, Shutter(0.02, 24.0)))
+    return write_exr(
+        folder / "in.exr", channels, **exr.camera_attributes(camera, lens, ShutterAttributes(0.02, 24.0))
+    )
 
 
 def read_rgba(path: Path) -> Any:

@@ -18,7 +18,8 @@ from potmesil_addon import exr
 from potmesil_addon.camera import Camera, Film, FrameFormat, camera_rotation, pan_tilt_swing
 from potmesil_addon.errors import InputError, OutputError
 from potmesil_addon.lens import Lens
-from potmesil_addon.samples import LensAttributes, Shutter, Window
+from potmesil_addon.samples import LensAttributes, Window
+from potmesil_addon.shutter import ShutterAttributes
 
 from .helpers import DATA, box, crafted_exr, data_files, needs_data, plain_channels, write_exr
 
@@ -68,7 +69,7 @@ FRAMES: list[dict[str, Any]] = [
 def test_camera_survives_the_file(tmp_path: Path, frame: dict[str, Any]) -> None:
     camera = some_camera(**frame)
     columns, rows = camera.film.columns, camera.film.rows
-    attributes = exr.camera_attributes(camera, LENS, Shutter(1 / 48, 23.976))
+    attributes = exr.camera_attributes(camera, LENS, ShutterAttributes(1 / 48, 23.976))
     exr.write_picture(tmp_path / "a.exr", np.ones((rows, columns, 4), dtype=np.float32), attributes)
     samples = exr.read_samples(tmp_path / "a.exr")
     # The header holds single precision.
@@ -92,7 +93,7 @@ def test_camera_survives_the_file(tmp_path: Path, frame: dict[str, Any]) -> None
 
 
 def test_lens_and_shutter_survive_the_file(tmp_path: Path) -> None:
-    attributes = exr.camera_attributes(some_camera(), LENS, Shutter(1 / 48, 23.976))
+    attributes = exr.camera_attributes(some_camera(), LENS, ShutterAttributes(1 / 48, 23.976))
     exr.write_picture(tmp_path / "a.exr", np.ones((8, 12, 4), dtype=np.float32), attributes)
     samples = exr.read_samples(tmp_path / "a.exr")
     lens, shutter = samples.lens, samples.shutter
@@ -111,22 +112,22 @@ def test_a_negative_rotation_survives_the_file(tmp_path: Path) -> None:
     exr.write_picture(
         tmp_path / "a.exr",
         np.ones((8, 12, 4), dtype=np.float32),
-        exr.camera_attributes(some_camera(), lens, Shutter()),
+        exr.camera_attributes(some_camera(), lens, ShutterAttributes()),
     )
     read = exr.read_samples(tmp_path / "a.exr").lens
     assert read.blade_rotation == pytest.approx(math.radians(-20.0), rel=1e-6)
 
 
 def test_focus_at_infinity_survives_the_file(tmp_path: Path) -> None:
-    attributes = exr.camera_attributes(some_camera(), Lens(0.05, 2.8, math.inf), Shutter())
+    attributes = exr.camera_attributes(some_camera(), Lens(0.05, 2.8, math.inf), ShutterAttributes())
     exr.write_picture(tmp_path / "a.exr", np.ones((8, 12, 4), dtype=np.float32), attributes)
     assert exr.read_samples(tmp_path / "a.exr").lens.focus_distance == math.inf
 
 
 def test_what_is_not_known_is_not_written(tmp_path: Path) -> None:
-    attributes = exr.camera_attributes(some_camera(), LENS, Shutter())
+    attributes = exr.camera_attributes(some_camera(), LENS, ShutterAttributes())
     exr.write_picture(tmp_path / "a.exr", np.ones((8, 12, 4), dtype=np.float32), attributes)
-    assert exr.read_samples(tmp_path / "a.exr").shutter == Shutter(None, None)
+    assert exr.read_samples(tmp_path / "a.exr").shutter == ShutterAttributes(None, None)
 
 
 def test_plain_file_knows_no_camera(tmp_path: Path) -> None:
@@ -151,7 +152,7 @@ def by_hand_file(folder: Path) -> Path:
     """Write the attributes of a camera at (1, 2, 3) turned 90 degrees to the left: it looks along -x."""
     described = FrameFormat(36 * MM, 24 * MM, 1000, 500)
     camera = Camera.from_format(placed([1.0, 2.0, 3.0], math.pi / 2, 0.0, 0.0), 50 * MM, described)
-    attributes = exr.camera_attributes(camera, Lens(0.05, 2.8, 5.0), Shutter(0.02, 25.0))
+    attributes = exr.camera_attributes(camera, Lens(0.05, 2.8, 5.0), ShutterAttributes(0.02, 25.0))
     exr.write_picture(folder / "a.exr", np.ones((500, 1000, 4), dtype=np.float32), attributes)
     return folder / "a.exr"
 
@@ -192,7 +193,7 @@ def test_units_of_the_standard_attributes_are_openexrs(tmp_path: Path) -> None:
 
 def test_screen_window_follows_the_shift() -> None:
     """Its centre is what the middle of the picture shows, y up."""
-    attributes = exr.camera_attributes(some_camera(shift_x=0.1, shift_y=0.2), LENS, Shutter())
+    attributes = exr.camera_attributes(some_camera(shift_x=0.1, shift_y=0.2), LENS, ShutterAttributes())
     # A tenth of 36 mm to the right at 50 mm, a fifth of it up.
     assert attributes["screenWindowCenter"].tolist() == pytest.approx([0.072, 0.144], rel=1e-6)
 
@@ -388,7 +389,7 @@ def test_attributes_that_say_nothing_usable_are_passed_over(tmp_path: Path, head
     samples = exr.read_samples(write_exr(tmp_path / "a.exr", plain_channels(3, 5), **header))
     assert samples.lens == LensAttributes()
     assert samples.camera is None
-    assert samples.shutter == Shutter()
+    assert samples.shutter == ShutterAttributes()
 
 
 def test_an_attribute_of_an_unknown_type_is_passed_over(tmp_path: Path) -> None:
@@ -643,7 +644,7 @@ def test_a_huge_claim_is_refused_without_the_memory(tmp_path: Path) -> None:
 
 def good_file(folder: Path) -> bytes:
     """Return a small samples file with everything that is read of one."""
-    attributes = exr.camera_attributes(some_camera(), LENS, Shutter(0.02, 24.0))
+    attributes = exr.camera_attributes(some_camera(), LENS, ShutterAttributes(0.02, 24.0))
     path = folder / "good.exr"
     write_exr(path, passes("ViewLayer.", 8, 12), **attributes)
     exr.read_samples(path)
@@ -818,7 +819,7 @@ def test_missing_output_folder_is_made(tmp_path: Path) -> None:
 
 def test_attributes_are_left_as_they_were(tmp_path: Path) -> None:
     """The OpenEXR module changes the dictionaries that it is given."""
-    attributes = exr.camera_attributes(some_camera(), LENS, Shutter())
+    attributes = exr.camera_attributes(some_camera(), LENS, ShutterAttributes())
     before = set(attributes)
     exr.write_picture(tmp_path / "a.exr", picture(8, 12), attributes)
     assert set(attributes) == before
@@ -878,13 +879,13 @@ def test_annotating_keeps_every_channel_as_it_is(tmp_path: Path) -> None:
     channels["R"][1, 1] = np.nan
     window = {"dataWindow": box(2, 3, 6, 6), "displayWindow": box(0, 0, 9, 9)}
     write_exr(tmp_path / "in.exr", channels, **window, Camera="Camera", Note="kept")
-    exr.annotate(tmp_path / "in.exr", tmp_path / "sub" / "out.exr", {"focus": 3.0, "potmesil:motion": "{}"})
+    exr.annotate(tmp_path / "in.exr", tmp_path / "sub" / "out.exr", {"focus": 3.0, "potmesil:note": "{}"})
     part = OpenEXR.File(str(tmp_path / "sub" / "out.exr"), separate_channels=True).parts[0]
     assert sorted(part.channels) == sorted(channels)
     for name, values in channels.items():
         assert part.channels[name].pixels.dtype == values.dtype
         np.testing.assert_array_equal(part.channels[name].pixels, values)
-    assert (part.header["focus"], part.header["potmesil:motion"]) == (3.0, "{}")
+    assert (part.header["focus"], part.header["potmesil:note"]) == (3.0, "{}")
     assert (part.header["Camera"], part.header["Note"]) == ("Camera", "kept")
     assert exr.read_samples(tmp_path / "sub" / "out.exr").data_window == Window(2, 3, 7, 7)
     assert [path.name for path in (tmp_path / "sub").iterdir()] == ["out.exr"]
@@ -894,7 +895,9 @@ def test_annotating_keeps_every_channel_as_it_is(tmp_path: Path) -> None:
 def test_annotating_keeps_the_parts(tmp_path: Path, prefix: str) -> None:
     multi_part(tmp_path / "in.exr", prefix)
     camera = Camera.from_format(np.eye(4), 50 * MM, FrameFormat(36 * MM, 24 * MM, 5, 4))
-    exr.annotate(tmp_path / "in.exr", tmp_path / "out.exr", exr.camera_attributes(camera, LENS, Shutter()))
+    exr.annotate(
+        tmp_path / "in.exr", tmp_path / "out.exr", exr.camera_attributes(camera, LENS, ShutterAttributes())
+    )
     check_passes(tmp_path / "out.exr")
     samples = exr.read_samples(tmp_path / "out.exr")
     assert samples.camera is not None
@@ -906,7 +909,9 @@ def test_annotating_parts_with_oblong_pixels(tmp_path: Path) -> None:
     """All parts of a file share its pixels' aspect, so one of them alone cannot change it."""
     multi_part(tmp_path / "in.exr", "ViewLayer.")
     camera = Camera.from_format(np.eye(4), 50 * MM, FrameFormat(36 * MM, 24 * MM, 5, 4, pixel_aspect_x=2.0))
-    exr.annotate(tmp_path / "in.exr", tmp_path / "out.exr", exr.camera_attributes(camera, LENS, Shutter()))
+    exr.annotate(
+        tmp_path / "in.exr", tmp_path / "out.exr", exr.camera_attributes(camera, LENS, ShutterAttributes())
+    )
     assert exr.read_samples(tmp_path / "out.exr").pixel_aspect == 2.0
 
 
