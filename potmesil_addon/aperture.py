@@ -119,7 +119,7 @@ def ellipse_rows(radius_x: float, radius_y: float, position: SamplePosition = "c
     # Columns before `first` are covered whole, columns after `last` not at all.
     first = np.floor(x_full + half).astype(np.int64)
     last = np.maximum(np.ceil(x_out + half).astype(np.int64) - 1, first)
-    row, i = _ragged(first, last - first + 2)
+    row, i = ragged(first, last - first + 2)
     left, right = (i - half) / rx, (i + 1 - half) / rx
     bottom, top = (j[row] - half) / ry, y_high[row]
     coverage = (
@@ -208,7 +208,7 @@ def polygon_rows(vertices: npt.ArrayLike, position: SamplePosition = "center") -
     lower = np.where(falling[:, np.newaxis], following, points)
     # One piece for each row that an edge crosses.
     first = np.floor(upper[:, 1]).astype(np.int64)
-    edge, row = _ragged(first, np.ceil(lower[:, 1]).astype(np.int64) - first)
+    edge, row = ragged(first, np.ceil(lower[:, 1]).astype(np.int64) - first)
     top = np.maximum(row, upper[edge, 1])
     bottom = np.minimum(row + 1.0, lower[edge, 1])
     slope = (lower[edge, 0] - upper[edge, 0]) / (lower[edge, 1] - upper[edge, 1])
@@ -217,7 +217,7 @@ def polygon_rows(vertices: npt.ArrayLike, position: SamplePosition = "center") -
     weight = sign[edge] * (bottom - top)
     x_low, x_high = np.minimum(x_top, x_bottom), np.maximum(x_top, x_bottom)
     column = np.floor(x_low).astype(np.int64)
-    piece, i = _ragged(column, np.ceil(x_high).astype(np.int64) - column + 1)
+    piece, i = ragged(column, np.ceil(x_high).astype(np.int64) - column + 1)
     change = _covered_right_of(x_low[piece], x_high[piece], i) - _covered_right_of(
         x_low[piece], x_high[piece], i - 1
     )
@@ -266,7 +266,7 @@ def _segment(x: npt.NDArray[np.floating]) -> FloatArray:
     return np.asarray(0.5 * (x * np.sqrt(1.0 - x**2) + np.arcsin(x)))
 
 
-def _ragged(first: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
+def ragged(first: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
     """Return, for ranges of `count` numbers from `first`, whose range each number is of and the number."""
     owner = np.repeat(np.arange(count.size), count)
     start = np.cumsum(count) - count

@@ -117,6 +117,14 @@ class MotionPaths:
             moved = moved @ path.at(time) @ np.linalg.inv(path.at(0.0))
         return np.asarray((moved @ np.linalg.inv(self.camera.at(0.0)))[:3])
 
+    def reprojections(self, path: ObjectPath | None, times: FloatArray) -> FloatArray:
+        """Return `reprojection` at several times, (n, 3, 4)."""
+        moved = _square(_interpolated_all(self.camera.times, self.camera.matrices, times))
+        if path is not None:
+            there = _square(_interpolated_all(path.times, path.matrices, times))
+            moved = moved @ there @ np.linalg.inv(path.at(0.0))
+        return np.asarray((moved @ np.linalg.inv(self.camera.at(0.0)))[:, :3])
+
     def to_json(self) -> str:
         """Return the text of the ``potmesil:motion`` attribute."""
         return json.dumps(
@@ -170,7 +178,15 @@ class MotionPaths:
             for path in objects:
                 np.linalg.inv(path.at(0.0))
             np.linalg.inv(camera.at(0.0))
-        except (ValueError, TypeError, KeyError, AttributeError, np.linalg.LinAlgError) as error:
+        except (
+            ValueError,
+            TypeError,
+            KeyError,
+            AttributeError,
+            OverflowError,
+            RecursionError,
+            np.linalg.LinAlgError,
+        ) as error:
             raise InputError("The file's motion paths are damaged; export it again.") from error
         return paths
 
@@ -182,6 +198,20 @@ def interpolated(times: FloatArray, values: FloatArray, time: float) -> FloatArr
     k = int(np.clip(np.searchsorted(times, time) - 1, 0, times.size - 2))
     share = (time - times[k]) / (times[k + 1] - times[k])
     return np.asarray((1.0 - share) * values[k] + share * values[k + 1])
+
+
+def _interpolated_all(times: FloatArray, values: FloatArray, wanted: FloatArray) -> FloatArray:
+    if times.size == 1:
+        return np.repeat(values[:1], wanted.size, axis=0)
+    k = np.clip(np.searchsorted(times, wanted) - 1, 0, times.size - 2)
+    share = ((wanted - times[k]) / (times[k + 1] - times[k]))[:, np.newaxis, np.newaxis]
+    return np.asarray((1.0 - share) * values[k] + share * values[k + 1])
+
+
+def _square(matrices: FloatArray) -> FloatArray:
+    """Return 4x4 matrices from their first three rows."""
+    last = np.broadcast_to([[[0.0, 0.0, 0.0, 1.0]]], (matrices.shape[0], 1, 4))
+    return np.concatenate([matrices, last], axis=1)
 
 
 def thinned(
@@ -196,9 +226,10 @@ def thinned(
     values : ndarray of shape (k, ...)
         The track, to say whether anything changes at all.
     places : ndarray of shape (k, points, 2)
-        Where points of the object are projected at each time, in pixels.
+        Where points of the object are at each time, in coordinates that the matrices take them to before
+        any division, such as the world's: only there does what is interpolated go straight.
     tolerance : float
-        Largest distance in pixels from the straight line between two kept times.
+        Largest distance from the straight line between two kept times, in the places' unit.
 
     Returns
     -------
@@ -247,6 +278,6 @@ def _array(values: Any, shape: tuple[int, ...]) -> FloatArray:
 
 
 def _plain(values: FloatArray) -> Any:
-    """Return nested lists, with nine digits: a millionth of a pixel on the widest picture."""
+    """Return nested lists, with ten digits: less than a millionth of a pixel on the widest picture."""
     rounded = np.vectorize(lambda value: float(f"{value:.10g}"), otypes=[float])(values)
     return rounded.tolist()

@@ -32,8 +32,16 @@ Openings = tuple[tuple[float, float], ...]
 SHUTTER_POSITIONS: Final[tuple[ShutterPosition, ...]] = get_args(ShutterPosition)
 SLIT_EDGES: Final[tuple[SlitEdge, ...]] = get_args(SlitEdge)
 
+MAX_FRAMES: Final = 1e4
+"""Longest exposure: far past what an animation's paths tell."""
+
+MAX_OPENINGS: Final = 1000
+
 _BLADE_STEPS: Final = 32
 """Straight pieces for the parabola that the area of an opening aperture follows."""
+
+_LEAST_BLADE_TIME: Final = 1e-9
+"""Share of the exposure below which blades open at once."""
 
 _REPEATED: Final = re.compile(r"(\d+)x([^@]+)@(.+)")
 
@@ -108,6 +116,12 @@ class ShutterAttributes:
             said["frames"] = None
         return replace(other, **said)
 
+    @property
+    def needs_length(self) -> bool:
+        """Whether something is said that means nothing without the length of the exposure."""
+        slit = self.slit is not None and self.slit.width < 1.0
+        return bool(self.position or self.curve or self.openings or self.blade_time or slit)
+
     def resolve(self) -> Shutter | None:
         """Return the shutter, or ``None`` where its length is not known."""
         frames = self.frames
@@ -143,8 +157,8 @@ class Shutter:
         interval, in order and apart. The interval is then as long as the last one needs, at least T.
         Empty for one opening of T.
     blade_time : float
-        Between-the-lens shutter: share of T, 0 to 0.5, that the blades take to open, and again to
-        close. The radius of the aperture grows evenly meanwhile.
+        Between-the-lens shutter: share of T (of the opening, where that is shorter), 0 to 0.5, that the
+        blades take to open, and again to close. The radius of the aperture grows evenly meanwhile.
     slit : Slit or None
         Focal-plane or rolling shutter.
 
@@ -162,8 +176,10 @@ class Shutter:
     slit: Slit | None = None
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.frames) and self.frames >= 0.0):
-            raise SettingsError(f"The shutter must be open for 0 frames or more, not {self.frames:g}.")
+        if not 0.0 <= self.frames <= MAX_FRAMES:
+            raise SettingsError(
+                f"The shutter must be open for 0 to {MAX_FRAMES:g} frames, not {self.frames:g}."
+            )
         if self.position not in SHUTTER_POSITIONS:
             raise SettingsError(
                 f"The shutter's position is one of {', '.join(SHUTTER_POSITIONS)}, not '{self.position}'."
@@ -174,13 +190,13 @@ class Shutter:
             )
         _check_curve(self.curve)
         _check_openings(self.openings)
-        if not self._pieces()[:, 2:].any():
+        if not self.pieces()[:, 2:].any():
             raise SettingsError("The shutter's curve is 0 all the time it is open; raise it.")
 
     @property
     def length(self) -> float:
         """Length of the interval in frames, from the first opening to the last closing."""
-        return self.frames * (max(1.0, self.openings[-1][1]) if self.openings else 1.0)
+        return self.frames / self._unit
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -203,7 +219,7 @@ class Shutter:
             Position in the interval, from 0 to 1. Between two openings no share falls.
         """
         shares = np.asarray(shares, dtype=np.float64)
-        t0, t1, d0, d1 = self._pieces().T
+        t0, t1, d0, d1 = self.pieces().T
         light = 0.5 * (d0 + d1) * (t1 - t0)
         keep = light > 0.0
         t0, t1, d0, d1, light = t0[keep], t1[keep], d0[keep], d1[keep], light[keep]
@@ -220,7 +236,7 @@ class Shutter:
 
     def light(self, begin: float, end: float) -> float:
         """Return the share of the exposure between two positions (0 to 1) in the interval."""
-        t0, t1, d0, d1 = self._pieces().T
+        t0, t1, d0, d1 = self.pieces().T
         a, b = np.clip(begin, t0, t1), np.clip(end, t0, t1)
         slope = (d1 - d0) / (t1 - t0)
         part = (b - a) * (d0 + slope * (0.5 * (a + b) - t0))
@@ -232,11 +248,11 @@ class Shutter:
         It is 1 but for a between-the-lens shutter's opening and closing blades.
         """
         position = np.asarray(position, dtype=np.float64)
-        if self.blade_time == 0.0:
+        if self.blade_time < _LEAST_BLADE_TIME:
             return np.ones_like(position)
         radius = np.zeros_like(position)
         for begin, end in self._openings():
-            blades = self.blade_time * min(end - begin, self.frames / max(self.length, 1e-300))
+            blades = self.blade_time * min(end - begin, self._unit)
             edge = np.minimum(position - begin, end - position) / blades
             radius = np.maximum(radius, np.clip(edge, 0.0, 1.0))
         return radius
@@ -264,28 +280,36 @@ class Shutter:
         begin, end = self.interval
         return np.asarray(begin + position * (end - begin))
 
+    @property
+    def _unit(self) -> float:
+        """T as a share of the interval."""
+        return 1.0 / max(1.0, self.openings[-1][1]) if self.openings else 1.0
+
     def _openings(self) -> Openings:
         """Return the openings as positions from 0 to 1 in the interval."""
         if not self.openings:
             return ((0.0, 1.0),)
-        whole = max(1.0, self.openings[-1][1])
-        return tuple((begin / whole, end / whole) for begin, end in self.openings)
+        return tuple((begin * self._unit, end * self._unit) for begin, end in self.openings)
 
-    def _pieces(self) -> FloatArray:
+    def pieces(self) -> FloatArray:
         """Return (begin, end, light at begin, light at end) of pieces in which light changes evenly."""
         curve = np.array(self.curve if self.curve else ((0.0, 1.0), (1.0, 1.0)))
         pieces = []
         for begin, end in self._openings():
             knots = [begin, end, *curve[(curve[:, 0] > begin) & (curve[:, 0] < end), 0]]
-            if self.blade_time > 0.0:
-                blades = self.blade_time * min(end - begin, self.frames / max(self.length, 1e-300))
+            if self.blade_time >= _LEAST_BLADE_TIME:
+                blades = self.blade_time * min(end - begin, self._unit)
                 steps = np.linspace(0.0, blades, _BLADE_STEPS + 1)[1:]
                 knots.extend([*(begin + steps), *(end - steps)])
             edges = np.unique(knots)
-            open_at = np.interp(edges, curve[:, 0], curve[:, 1])
             area = self.opening(edges) ** 2
-            light = open_at * area
-            pieces.append(np.stack([edges[:-1], edges[1:], light[:-1], light[1:]], axis=1))
+            # From inside of each piece to its ends, since the curve may step where two pieces meet.
+            width = edges[1:] - edges[:-1]
+            early = np.interp(edges[:-1] + 0.25 * width, curve[:, 0], curve[:, 1])
+            late = np.interp(edges[:-1] + 0.75 * width, curve[:, 0], curve[:, 1])
+            first = np.maximum(1.5 * early - 0.5 * late, 0.0) * area[:-1]
+            last = np.maximum(1.5 * late - 0.5 * early, 0.0) * area[1:]
+            pieces.append(np.stack([edges[:-1], edges[1:], first, last], axis=1))
         return np.concatenate(pieces)
 
 
@@ -315,9 +339,11 @@ def parse_openings(text: str) -> Openings:
             return even_openings(count, duration, spacing)
         pairs = [part.split(":") for part in text.split(",")]
         openings = tuple((float(begin), float(end)) for begin, end in pairs)
+    except SettingsError:
+        raise  # a ValueError too, but it already says what is wrong
     except ValueError:
         raise SettingsError(
-            f"'{text}' is no list of exposures; write 0:0.2,0.4:0.6 or count x duration @ spacing as 5x0.2@0.4."
+            f"'{text}' is no list of exposures; write 0:0.2,0.4:0.6, or 5x0.2@0.4 for five of 0.2 each 0.4."
         ) from None
     _check_openings(openings)
     return openings
@@ -331,8 +357,8 @@ def even_openings(count: int, duration: float, spacing: float) -> Openings:
     SettingsError
         If there are none or they overlap.
     """
-    if count < 1:
-        raise SettingsError("A multiple exposure needs at least one opening.")
+    if not 1 <= count <= MAX_OPENINGS:
+        raise SettingsError(f"A multiple exposure has 1 to {MAX_OPENINGS} openings, not {count}.")
     # Rounded, so that 0.1 + 0.2 written as a list gives the same numbers.
     openings = tuple((round(n * spacing, 12), round(n * spacing + duration, 12)) for n in range(count))
     _check_openings(openings)
@@ -349,7 +375,7 @@ def parse_curve(text: str) -> Curve:
     """
     try:
         curve = tuple((float(time), float(openness)) for time, openness in json.loads(text))
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, OverflowError, RecursionError):
         raise SettingsError(
             "A shutter curve is a JSON list of [time, openness] pairs such as [[0, 0], [0.5, 1], [1, 0]]."
         ) from None
@@ -376,7 +402,7 @@ def attributes_from_json(values: dict[str, Any]) -> ShutterAttributes:
 
     Raises
     ------
-    SettingsError, TypeError, ValueError, KeyError
+    SettingsError, TypeError, ValueError, KeyError, OverflowError
         If it is not of that form.
     """
 
@@ -397,7 +423,8 @@ def attributes_from_json(values: dict[str, Any]) -> ShutterAttributes:
         blade_time=number("blade_time"),
         slit=None if slit is None else Slit(slit["edge"], float(slit["width"])),
     )
-    attributes.resolve()
+    # Found good or raised, also where the length is not known.
+    replace(attributes, frames=1.0 if attributes.frames is None else attributes.frames).resolve()
     return attributes
 
 
