@@ -10,6 +10,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,6 +31,7 @@ from .lens import (
     depth_of_field,
     depth_of_field_for_circle,
 )
+from .motion import MOTION_MODELS
 from .process import ProcessSettings, Result, process, run
 from .psf import (
     PRIMARY_WAVELENGTHS,
@@ -41,11 +43,24 @@ from .psf import (
 )
 from .samples import LensAttributes, Samples
 from .scatter import BACKENDS
+from .shutter import (
+    SHUTTER_POSITIONS,
+    SLIT_EDGES,
+    Curve,
+    Openings,
+    ShutterAttributes,
+    Slit,
+    parse_curve,
+    parse_openings,
+)
 
 _EXIT_INTERRUPTED: Final = 130
 _PAST_THE_EDGE: Final = 10.0 * math.pi
 _MAX_PROFILE: Final = 20_000
 _MAX_V: Final = 1e5
+
+_OFF: Final = "none"
+"""What switches off a curve, a multiple exposure or a slit of the file's."""
 
 
 def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m potmesil_addon") -> int:
@@ -96,7 +111,7 @@ def build_parser(prog: str) -> argparse.ArgumentParser:
         Parser whose result has a ``run`` function.
     """
     parser = argparse.ArgumentParser(
-        prog=prog, description="Depth of field for rendered pictures, after the render."
+        prog=prog, description="Depth of field and motion blur for rendered pictures, after the render."
     )
     parser.add_argument("--version", action="version", version=f"Potmesil Camera {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
@@ -147,7 +162,9 @@ def add_core_commands(commands: Any) -> None:
     psf.add_argument("-o", "--output", type=Path, metavar="OUT.exr|OUT.png", help="write the pixel table")
     psf.set_defaults(run=_psf)
 
-    work = commands.add_parser("process", help="turn a samples file into a picture with depth of field")
+    work = commands.add_parser(
+        "process", help="turn a samples file into a picture with depth of field and motion blur"
+    )
     work.add_argument("input", type=Path, metavar="IN.exr")
     work.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.exr|OUT.png")
     add_process_options(work)
@@ -178,8 +195,13 @@ def add_process_options(parser: argparse.ArgumentParser) -> None:
     )
     _add_iris(parser)
     parser.add_argument("--no-lens", action="store_true", help="leave out the focus processor")
+    _add_shutter(parser)
+    parser.add_argument("--no-motion", action="store_true", help="leave out the motion processor")
     parser.add_argument(
-        "--no-motion", action="store_true", help="leave out the motion processor, which is yet to come"
+        "--motion-model",
+        choices=MOTION_MODELS,
+        default="auto",
+        help="one path for each object, or each sample's own vector (default: as each object needs)",
     )
     parser.add_argument("--coc-model", choices=COC_MODELS, default="cycles")
     parser.add_argument("--psf", choices=PSF_KINDS, default="disc")
@@ -199,6 +221,11 @@ def add_process_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         metavar="NAME",
         help="view layer to take; may be repeated (default: all that have a depth)",
+    )
+    parser.add_argument(
+        "--mask",
+        metavar="MASK.exr|MASK.png",
+        help="write where the picture rests on surfaces that had to be guessed (1) and where not (0)",
     )
     parser.add_argument("--backend", choices=BACKENDS, default="auto")
     parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
@@ -221,12 +248,15 @@ def process_settings(options: argparse.Namespace) -> ProcessSettings:
     ------
     SettingsError
         If a value is out of range.
+    InputError
+        If the file of the shutter's curve cannot be read.
     """
     step = options.table_step
     if step is not None and options.tables == "equal-z":
         step /= 1000.0
     return ProcessSettings(
         use_lens=not options.no_lens,
+        use_motion=not options.no_motion,
         lens=LensAttributes(
             focal_length=_millimetres(options.focal_length),
             f_stop=options.fstop,
@@ -235,6 +265,8 @@ def process_settings(options: argparse.Namespace) -> ProcessSettings:
             blade_rotation=None if options.blade_rotation is None else math.radians(options.blade_rotation),
             anamorphic_ratio=options.anamorphic_ratio,
         ),
+        shutter=_shutter(options),
+        motion_model=options.motion_model,
         sensor_width=_millimetres(options.sensor_width),
         sensor_height=_millimetres(options.sensor_height),
         model=options.coc_model,
@@ -267,17 +299,7 @@ def write_result(path: Path, result: Result, samples: Samples) -> None:
     if path.suffix.lower() == ".png":
         png.write_png(path, result.picture)
         return
-    window = result.display_window
-    box = (
-        np.array([window.x0, window.y0], dtype=np.int32),
-        np.array([window.x1 - 1, window.y1 - 1], dtype=np.int32),
-    )
-    attributes = {
-        **samples.attributes,
-        "pixelAspectRatio": samples.pixel_aspect,
-        "displayWindow": box,
-        "dataWindow": box,
-    }
+    attributes = {**samples.attributes, **_picture_attributes(result, samples)}
     lens = result.report["lens"]
     if lens is not None:
         attributes["nominalFocalLength"] = float(lens["focal_length_mm"])
@@ -285,13 +307,140 @@ def write_result(path: Path, result: Result, samples: Samples) -> None:
         distance = lens["focus_distance_m"]
         attributes["focus"] = math.inf if distance is None else float(distance)
         attributes["potmesil:lens"] = json.dumps(lens)
+    shutter = result.report["shutter"]
+    if shutter is not None:
+        attributes["potmesil:shutter"] = json.dumps(
+            {name: value for name, value in shutter.items() if value or name == "frames"}
+        )
+        if samples.shutter.frames_per_second is not None:
+            attributes["expTime"] = shutter["frames"] / samples.shutter.frames_per_second
     exr.write_picture(path, result.picture, attributes)
+
+
+def write_mask(path: Path, result: Result, samples: Samples) -> None:
+    """Write where a picture rests on guessed surfaces, as a grey picture from 0 to 1.
+
+    Parameters
+    ----------
+    path : Path
+        Ends in ``.exr`` (float) or ``.png`` (8 bits through the sRGB curve, as the picture itself).
+    result : Result
+        The picture.
+    samples : Samples
+        Where it came from.
+
+    Raises
+    ------
+    SettingsError
+        If the name has another ending.
+    OutputError
+        If it cannot be written.
+    """
+    check_output(path)
+    mask = np.ones_like(result.picture)
+    mask[..., :3] = result.guessed[..., np.newaxis]
+    if path.suffix.lower() == ".png":
+        png.write_png(path, mask)
+    else:
+        exr.write_picture(path, mask, _picture_attributes(result, samples))
 
 
 def check_output(path: Path) -> None:
     """Raise SettingsError unless a result can be written under this name."""
     if path.suffix.lower() not in (".exr", ".png"):
         raise SettingsError(f"'{path}' must end in .exr or .png.")
+
+
+def _picture_attributes(result: Result, samples: Samples) -> dict[str, Any]:
+    """Return the header attributes that say where a picture lies."""
+    window = result.display_window
+    box = (
+        np.array([window.x0, window.y0], dtype=np.int32),
+        np.array([window.x1 - 1, window.y1 - 1], dtype=np.int32),
+    )
+    return {"pixelAspectRatio": samples.pixel_aspect, "displayWindow": box, "dataWindow": box}
+
+
+def _add_shutter(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--shutter", type=float, metavar="FRAMES", help="exposure time T in frames")
+    parser.add_argument(
+        "--shutter-position", choices=SHUTTER_POSITIONS, help="where the frame lies in the exposure"
+    )
+    parser.add_argument(
+        "--shutter-curve",
+        metavar="FILE.json",
+        help=f"openness over the exposure as [[time, openness], ...], both from 0 to 1; {_OFF}: always open",
+    )
+    parser.add_argument(
+        "--exposures",
+        metavar="LIST",
+        help="openings of a multiple exposure in units of T: begin:end,begin:end,... or "
+        f"COUNTxDURATION@SPACING; {_OFF}: one of T",
+    )
+    parser.add_argument(
+        "--shutter-blades",
+        type=float,
+        metavar="SHARE",
+        help="share of T in which a between-the-lens shutter opens, and again closes: 0 to 0.5",
+    )
+    parser.add_argument(
+        "--slit",
+        metavar="EDGE:WIDTH",
+        help=f"focal-plane shutter: the side it starts from ({', '.join(SLIT_EDGES)}), and the share of the "
+        f"exposure that a point of the film gets, such as left:0.1; {_OFF}: all of the film at once",
+    )
+
+
+def _shutter(options: argparse.Namespace) -> ShutterAttributes:
+    """Return what the options say of the exposure."""
+    shutter = ShutterAttributes(
+        frames=options.shutter,
+        position=options.shutter_position,
+        curve=_curve(options.shutter_curve),
+        openings=_openings(options.exposures),
+        blade_time=options.shutter_blades,
+        slit=_slit(options.slit),
+    )
+    # What is wrong by itself is refused before any work starts.
+    replace(shutter, frames=_default(options.shutter, 1.0)).resolve()
+    return shutter
+
+
+def _curve(name: str | None) -> Curve | None:
+    if name is None or name == _OFF:
+        return None if name is None else ()
+    try:
+        text = Path(name).read_bytes().decode("utf-8-sig", errors="replace")
+    except OSError as error:
+        raise InputError(
+            f"The shutter's curve '{name}' cannot be read: {error.strerror or error}; give a JSON file."
+        ) from error
+    return parse_curve(text)
+
+
+def _openings(text: str | None) -> Openings | None:
+    if text is None or text == _OFF:
+        return None if text is None else ()
+    return parse_openings(text)
+
+
+def _slit(text: str | None) -> Slit | None:
+    if text is None:
+        return None
+    if text == _OFF:
+        # A slit as wide as the film, since None would leave the file's.
+        return Slit(width=1.0)
+    edge, _, width = text.partition(":")
+    for known in SLIT_EDGES:
+        if edge == known:
+            try:
+                return Slit(known, float(width))
+            except ValueError as error:
+                if isinstance(error, SettingsError):
+                    raise
+    raise SettingsError(
+        f"'{text}' is no slit; write {', '.join(SLIT_EDGES)} and its width as left:0.1, or {_OFF}."
+    )
 
 
 def _add_lens(parser: argparse.ArgumentParser, *, required: bool) -> None:
@@ -409,16 +558,32 @@ def _write_table(options: argparse.Namespace, lens: Lens, circle: float, wavelen
 def _process(options: argparse.Namespace) -> int:
     settings = process_settings(options)
     check_output(options.output)
-    if options.output.resolve() == options.input.resolve():
+    mask = None if options.mask is None else Path(options.mask)
+    if mask is not None:
+        check_output(mask)
+    targets = [path.resolve() for path in (options.output, mask) if path is not None]
+    if options.input.resolve() in targets:
         raise SettingsError("The output would replace the samples file; give another name.")
+    if len(set(targets)) < len(targets):
+        raise SettingsError("The mask would replace the picture; give another name.")
     jit.set_thread_count(options.threads)
     samples = exr.read_samples(options.input, tuple(options.layer) if options.layer else None)
+    exposure = settings.shutter.over(samples.shutter).resolve() if settings.use_motion else None
+    asked = exposure is not None and (settings.shutter.frames or settings.shutter.needs_length)
+    if asked and samples.paths is None and all(layer.vector is None for layer in samples.layers):
+        raise InputError(
+            f"'{options.input}' has neither motion paths nor a vector pass, which a shutter needs; "
+            "render with the Vector pass or leave out the shutter's options."
+        )
     result = run(process(samples, settings))
     write_result(options.output, result, samples)
+    if mask is not None:
+        write_mask(mask, result, samples)
     for what, count in samples.repaired.items():
         print(f"Repaired {count} {what} values that were not finite from their neighbours.")
     if options.report is not None:
-        report = {"input": str(options.input), "output": str(options.output), **result.report}
+        files = {"input": options.input, "output": options.output, "mask": mask}
+        report = {name: None if path is None else str(path) for name, path in files.items()} | result.report
         write_json(options.report, report)
     print(f"Saved: '{options.output}'")
     return EXIT_DONE
@@ -474,13 +639,19 @@ def _info(options: argparse.Namespace) -> int:
 def _readable(value: Any) -> str:
     if value is None:
         return "unknown"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, dict):
         inner = "; ".join(f"{key.replace('_', ' ')} {_readable(item)}" for key, item in value.items())
         return inner or "none"
     if isinstance(value, list):
-        inner = ", ".join(_readable(item) for item in value)
+        # Pairs, as --exposures has them.
+        parts = (
+            ":".join(map(_readable, item)) if isinstance(item, list) else _readable(item) for item in value
+        )
+        inner = ", ".join(parts)
         return inner or "none"
     return str(value)
 
@@ -513,6 +684,11 @@ def _describe_samples(samples: Samples) -> dict[str, Any]:
                 "without_surface": (None if layer.depth is None else float(np.mean(np.isinf(layer.depth)))),
                 "objects": None if layer.object_index is None else np.unique(layer.object_index).tolist(),
                 "motion_px": motion,
+                "companions": [
+                    kind
+                    for kind, companion in (("stationary", layer.stationary), ("moving", layer.moving))
+                    if companion is not None
+                ],
             }
         )
     camera = None
@@ -542,5 +718,32 @@ def _describe_samples(samples: Samples) -> dict[str, Any]:
             None if samples.film is None else [samples.film.width * 1000.0, samples.film.height * 1000.0]
         ),
         "camera": camera,
+        "shutter": _describe_shutter(samples.shutter),
+        "motion": (
+            None
+            if samples.paths is None
+            else {
+                "objects": len(samples.paths.objects),
+                "deforming": sum(path.deforming for path in samples.paths.objects),
+                "camera_moves": samples.paths.camera.moves,
+            }
+        ),
         "repaired": samples.repaired,
+    }
+
+
+def _describe_shutter(shutter: ShutterAttributes) -> dict[str, Any]:
+    """Return what a file says of the exposure, ready for JSON."""
+    frames = shutter.frames
+    if frames is None and shutter.exposure_time is not None and shutter.frames_per_second is not None:
+        frames = shutter.exposure_time * shutter.frames_per_second
+    slit = shutter.slit
+    return {
+        "frames": frames,
+        "exposure_time_s": shutter.exposure_time,
+        "position": shutter.position,
+        "curve": bool(shutter.curve),
+        "openings": [list(opening) for opening in shutter.openings or ()],
+        "blade_time": shutter.blade_time or 0.0,
+        "slit": None if slit is None else {"edge": slit.edge, "width": slit.width},
     }

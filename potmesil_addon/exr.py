@@ -28,7 +28,7 @@ from .camera import Camera, Film, without_scale
 from .errors import InputError, SettingsError
 from .files import whole_file
 from .lens import FloatArray, Lens
-from .passes import ChannelName, parse_channel
+from .passes import FORWARD, ChannelName, parse_channel
 from .paths import MotionPaths
 from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window, repair
 from .shutter import ShutterAttributes, attributes_from_json, attributes_to_json
@@ -247,8 +247,14 @@ def camera_attributes(camera: Camera, lens: Lens, shutter: ShutterAttributes) ->
     return attributes
 
 
-def annotate(source: Path, destination: Path, attributes: Mapping[str, Any]) -> None:
-    """Copy an EXR file with attributes added to its first part.
+def annotate(
+    source: Path,
+    destination: Path,
+    attributes: Mapping[str, Any],
+    companions: Mapping[str, Path] | None = None,
+    margins: tuple[int, int] = (0, 0),
+) -> None:
+    """Copy an EXR file with attributes added to its first part, and with other views of its layers.
 
     Parameters
     ----------
@@ -258,22 +264,97 @@ def annotate(source: Path, destination: Path, attributes: Mapping[str, Any]) -> 
         The samples file; written whole or not at all.
     attributes : mapping
         Header attributes.
+    companions : mapping of str to Path, optional
+        Files of the same layers seen otherwise, by the suffix that the names of their layers are given
+        (`STATIONARY`, `MOVING`). Of their passes those that samples have are kept.
+    margins : tuple of int
+        Columns and rows on each side that were rendered beyond the picture: overscan, which lies in the
+        data window and not in the display window.
 
     Raises
     ------
     InputError
-        If the source cannot be read.
+        If a file cannot be read, or a companion has other pixels than the source.
     OutputError
         If the destination cannot be written.
     """
     file = _read_file(source)
+    windows = {_part_windows(part) for part in file.parts}
+    single = len(file.parts) == 1
+    added: list[Any] = []
+    for suffix, path in (companions or {}).items():
+        other = _read_file(path)
+        if {_part_windows(part) for part in other.parts} != windows or (len(other.parts) == 1) != single:
+            raise InputError(f"'{path}' has other pixels than '{source}'; render both again.")
+        added.extend(_add_companion(file, other, suffix))
+    if added:
+        # The module knows the size only of parts that are there when it makes the file.
+        file = OpenEXR.File([*file.parts, *added])
     file.parts[0].header.update(attributes)
     shared = {name: attributes[name] for name in _SHARED_BY_PARTS if name in attributes}
     for part in file.parts:
         part.header.update(shared)
         part.header["compression"] = OpenEXR.ZIP_COMPRESSION
+        if margins != (0, 0):
+            part.header.update(_overscanned(part.header, np.array(margins, dtype=np.int32)))
     with whole_file(destination) as part_path, _quiet():
         file.write(str(part_path))
+
+
+def _overscanned(header: Mapping[str, Any], margins: npt.NDArray[np.int32]) -> dict[str, Any]:
+    """Return the windows of a render that shows more on all sides than the picture."""
+    first, last = header["displayWindow"]
+    data_first, data_last = header["dataWindow"]
+    return {
+        "displayWindow": (first, last - 2 * margins),
+        "dataWindow": (data_first - margins, data_last - margins),
+    }
+
+
+def _add_companion(file: Any, other: Any, suffix: str) -> list[Any]:
+    """Add another file's layers, a suffix to their names, to a file's only part, or return parts to add.
+
+    Blender 4.5 writes one part with all channels, later ones write a part for each pass.
+    """
+    views = _views(other.parts)
+    single = len(other.parts) == 1
+    added: list[Any] = []
+    named = []
+    for part in other.parts:
+        part_name = "" if single else str(part.header.get("name", ""))
+        for name, channel in part.channels.items():
+            full = name if not part_name or name.startswith(f"{part_name}.") else f"{part_name}.{name}"
+            named.append((part, full, parse_channel(full, views), channel))
+    # Without a depth it is a picture of the compositor's or the denoiser's.
+    layers = {parsed.layer for _, _, parsed, _ in named if parsed.name == "depth" and not parsed.other_view}
+    for part in other.parts:
+        kept = [
+            (full, parsed, channel)
+            for own, full, parsed, channel in named
+            if own is part and parsed.name is not None and parsed.layer in layers
+        ]
+        if not kept:
+            continue
+        channels = {_with_suffix(full, parsed.layer, suffix): c.pixels for full, parsed, c in kept}
+        if single:
+            for name, pixels in channels.items():
+                file.parts[0].channels[name] = OpenEXR.Channel(name, pixels)
+        else:
+            # The number of its chunks follows from its compression.
+            header = {k: v for k, v in part.header.items() if k not in ("channels", "chunkCount", "name")}
+            name = _with_suffix(str(part.header.get("name", "")), kept[0][1].layer, suffix)
+            added.append(OpenEXR.Part(header, channels, name))
+    return added
+
+
+def _with_suffix(name: str, layer: str, suffix: str) -> str:
+    """Return a channel's or part's name with a suffix to its layer, which stands first."""
+    return f"{layer}{suffix}{name[len(layer) :]}" if layer else f"{suffix}.{name}"
+
+
+def _part_windows(part: Any) -> tuple[Window, Window]:
+    """Return the windows of a part: data and display."""
+    return _window(part.header["dataWindow"]), _window(part.header["displayWindow"])
 
 
 def write_picture(path: Path, picture: Float32Array, attributes: Mapping[str, Any]) -> None:
@@ -439,8 +520,11 @@ def _build_layer(
         vector = np.zeros((*red.shape, 4), dtype=np.float32)
         # Other programs may know the way to the next frame alone.
         for component in range(4):
-            if ("vector", component) in channels:
-                vector[..., component] = channels["vector", component].pixels
+            channel = channels.get(("vector", component))
+            if channel is not None:
+                # Blender's vector to the next frame points backwards, a forward vector forwards.
+                forward = channel.full_name.rpartition(".")[2] in FORWARD
+                vector[..., component] = -channel.pixels if forward else channel.pixels
         _count(repaired, "vector", repair(vector, np.asarray(~np.isfinite(vector).all(axis=2))))
     return SampleLayer(name, color, depth, index, vector)
 
@@ -482,7 +566,9 @@ def _shutter(header: Mapping[str, Any]) -> ShutterAttributes:
     attributes = ShutterAttributes()
     text = header.get("potmesil:shutter")
     if isinstance(text, str):
-        with contextlib.suppress(SettingsError, TypeError, ValueError, KeyError, AttributeError):
+        with contextlib.suppress(
+            SettingsError, TypeError, ValueError, KeyError, AttributeError, OverflowError, RecursionError
+        ):
             attributes = attributes_from_json(json.loads(text))
     return replace(
         attributes,

@@ -1,17 +1,74 @@
-"""The motion processor: samples, paths and a shutter to a picture with motion blur (1983, section 4.2)."""
+"""The motion processor: samples, paths and a shutter to a picture with motion blur (1983, section 4.2).
+
+Every sample has a path: that of the camera and of its object's transform, or the one that the vector
+pass tells. What stands still is a background; what moves lies before it as sheets of samples, is seen at
+as many instants as its path has pixels, and hides and is hidden at each of them.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, Literal
+import math
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+from typing import Final, Literal, get_args
 
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from .lens import FloatArray
+from .motion_psf import ExposedPath, path_of
+from .paths import CameraPath, MotionPaths, ObjectPath
+from .samples import Float32Array, SampleLayer, Samples
 from .scatter import Backend
+from .sheets import (
+    Sheet,
+    background_of,
+    corners_averaged,
+    cut_out_movers,
+    filled_in,
+    join,
+    rendered_movers,
+    whole_sheet,
+)
 from .shutter import Shutter
+from .time_depth import MovingObject, meeting, merge
+from .tracks import Mask, assign_tracks, sample_origin
+from .warp import NO_QUAD, NO_TRACK, VECTOR_TRACK, Background, Schedule, Sheets, expose, instant, places
 
 MotionModel = Literal["auto", "object", "vector"]
 """``object`` gives each object one path (1983), ``vector`` each sample its own, ``auto`` what is needed."""
 
-MOTION_MODELS: Final[tuple[MotionModel, ...]] = ("auto", "object", "vector")
+Hidden = Literal["none", "rendered", "filled"]
+"""Where what moving objects hide comes from."""
+
+MOTION_MODELS: Final[tuple[MotionModel, ...]] = get_args(MotionModel)
+
+_STILL: Final = 0.02
+"""Pixels over the whole exposure below which a sample counts as at rest; vectors have rounding noise."""
+
+_PROBES: Final = 9
+"""Instants at which paths are looked at to learn how long they are and what tears."""
+
+_LEAST_INSTANTS: Final = 8
+_MOST_INSTANTS: Final = 2048
+
+_SLIT_GRID: Final = 257
+"""Times at which the tracks' matrices are tabulated for a travelling slit."""
+
+_LEAST_SIDE: Final = 2
+
+_PATH_STEPS: Final = 128
+"""Pieces in which the path of an object is followed over the shutter's interval."""
+
+_MOST_OBJECTS: Final = 64
+"""Objects above which each sample is given its own path: many small ones cost more one by one."""
+
+_ALIKE: Final = 0.1
+"""Pixels by which samples may leave their object's one path before each is given its own."""
+
+_MOSTLY: Final = 0.5
+"""Share of moving samples from which the whole picture is one sheet rather than a background with movers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,3 +88,492 @@ class MotionSettings:
     shutter: Shutter
     model: MotionModel = "auto"
     backend: Backend = "auto"
+
+
+@dataclass(frozen=True, slots=True)
+class MotionReport:
+    """What the motion processor did to a layer, for reports and tests.
+
+    Parameters
+    ----------
+    layer : str
+        Name of the layer.
+    moving : float
+        Share of the samples that move.
+    longest_path_px : float
+        Length of the longest path in final pixels.
+    instants : int
+        Number of instants that were averaged; 0 where nothing moves.
+    hidden : {"none", "rendered", "filled"}
+        Where what moving objects hide came from.
+    guessed : float
+        Share of the picture's light that was filled in.
+    object_paths, sample_paths : int
+        Number of objects whose samples share one path, and of those whose samples have their own.
+    """
+
+    layer: str
+    moving: float = 0.0
+    longest_path_px: float = 0.0
+    instants: int = 0
+    hidden: Hidden = "none"
+    guessed: float = 0.0
+    object_paths: int = 0
+    sample_paths: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A layer made ready to be seen at instants.
+
+    Parameters
+    ----------
+    sheets : Sheets
+        What moves.
+    background : Background or None
+        What stands still, on the display window.
+    samples : Samples
+        The file that the layer belongs to.
+    settings : MotionSettings
+        The exposure.
+    paths : tuple of ObjectPath or None
+        The tracks' objects.
+    surface : ndarray of int64 of shape (sheets, rows, columns)
+        Which object each sample belongs to.
+    travel : ndarray of float64 of shape (sheets, rows, columns)
+        Length of each sample's path in pixels of the samples.
+    moving : float
+        Share of the samples that move.
+    hidden : {"none", "rendered", "filled"}
+        Where what moving objects hide comes from.
+    """
+
+    sheets: Sheets
+    background: Background | None
+    samples: Samples
+    settings: MotionSettings
+    paths: tuple[ObjectPath | None, ...]
+    surface: npt.NDArray[np.int64]
+    travel: FloatArray
+    moving: float
+    hidden: Hidden
+
+    @property
+    def longest(self) -> float:
+        """Length of the longest path in pixels of the samples."""
+        return float(self.travel.max(initial=0.0))
+
+    def schedule(self, instants: int) -> Schedule:
+        """Return instants with equal shares of the light."""
+        shares = (np.arange(instants) + 0.5) / instants
+        return _schedule(self.samples, self.settings.shutter, self.paths, shares)
+
+    def opening(self, instants: int) -> FloatArray:
+        """Return the aperture's radius over its full one at those instants."""
+        shutter = self.settings.shutter
+        return shutter.opening(shutter.times((np.arange(instants) + 0.5) / instants))
+
+
+def prepare(layer: SampleLayer, samples: Samples, settings: MotionSettings) -> Motion | None:
+    """Find what moves in a layer, what it hides, and where surfaces part.
+
+    Parameters
+    ----------
+    layer : SampleLayer
+        The samples.
+    samples : Samples
+        The file that they belong to.
+    settings : MotionSettings
+        The exposure.
+
+    Returns
+    -------
+    Motion or None
+        ``None`` where nothing moves while the shutter is open.
+    """
+    tracks = assign_tracks(layer, samples)
+    # A single row or column of samples has nothing between them to draw.
+    if tracks is None or min(layer.color.shape[:2]) < _LEAST_SIDE:
+        return None
+    sheet = whole_sheet(layer, tracks)
+    probe = _Probe(samples, settings, tracks.paths)
+    moves, travel = probe.moves(sheet)
+    moving = float(moves.mean())
+    stationary, alone = layer.stationary, layer.moving
+    alone_tracks = None
+    if stationary is not None and alone is not None and alone.depth is not None and samples.paths is not None:
+        alone_tracks = assign_tracks(alone, samples, all_move=True)
+    if stationary is not None and alone is not None and alone_tracks is not None:
+        movers = rendered_movers(alone, alone_tracks)
+        mover_moves, mover_travel = probe.moves(movers)
+        world_tracks = replace(tracks, track=np.where(tracks.track == NO_TRACK, NO_TRACK, 0).astype(np.int32))
+        world = whole_sheet(stationary, world_tracks)
+        world_moves, world_travel = probe.moves(world)
+        if world_moves.any():
+            both = [world, movers]
+            return probe.motion(both, None, np.stack([world_travel, mover_travel]), moving, "rendered")
+        if not mover_moves.any():
+            return None
+        shown = alone.color[..., 3:] > 0.0
+        background = background_of(
+            samples, np.where(shown, stationary.color, layer.color), world.inverse_depth, world.guessed
+        )
+        return probe.motion([movers], background, mover_travel[np.newaxis], moving, "rendered")
+    if not moves.any():
+        return None
+    if moving > _MOSTLY:
+        return probe.motion([sheet], None, travel[np.newaxis], moving, "filled")
+    movers, color, depth, guessed = cut_out_movers(layer, tracks, moves)
+    background = background_of(samples, color, depth, guessed)
+    return probe.motion([movers], background, np.where(moves, travel, 0.0)[np.newaxis], moving, "filled")
+
+
+def expose_layer(
+    motion: Motion, layer: SampleLayer
+) -> Generator[float, None, tuple[Float32Array, Float32Array, MotionReport]]:
+    """Blur a layer of pinhole samples by their motion.
+
+    Parameters
+    ----------
+    motion : Motion
+        The layer made ready.
+    layer : SampleLayer
+        The layer.
+
+    Yields
+    ------
+    float
+        Share of the work done, rising to 1.
+
+    Returns
+    -------
+    picture : ndarray of float32 of shape (rows, columns, 4)
+        The display window, premultiplied. What never changes is the input, to the bit.
+    guessed : ndarray of float32 of shape (rows, columns)
+        Share of each pixel's light that was filled in.
+    report : MotionReport
+        What was done.
+    """
+    display = motion.samples.display_window
+    picture = np.zeros((display.rows, display.columns, 4), dtype=np.float32)
+    guessed = np.zeros((display.rows, display.columns), dtype=np.float32)
+    objects, together, rest = _by_object(motion)
+    count = instants_for(motion.longest)
+    others = bool(rest.sheets.quads.any())
+    if others or motion.background is None:
+        steps = expose(
+            rest.sheets, motion.schedule(count), motion.background, picture, guessed, motion.settings.backend
+        )
+        for done in steps:
+            yield done * (0.5 if objects else 1.0)
+        if motion.background is None:
+            # What was never seen, beyond the samples' border, is filled in from what was.
+            seen = guessed < 1.0
+            picture[:] = filled_in(picture, seen, ~seen)
+    else:
+        picture[:] = motion.background.color
+        guessed[:] = motion.background.guessed
+    if objects:
+        bins = count if together else 1
+        for done in merge(objects, motion.background, bins, picture, guessed):
+            yield 0.5 + 0.5 * done
+        if not others:
+            count = bins
+    report = report_of(motion, layer, count, guessed)
+    surfaces = np.unique(rest.surface[rest.sheets.track != NO_TRACK]).size
+    return picture, guessed, replace(report, object_paths=len(objects), sample_paths=int(surfaces))
+
+
+def instant_layer(
+    motion: Motion, layer: SampleLayer, schedule: Schedule, n: int
+) -> tuple[SampleLayer, Float32Array]:
+    """Return a layer as if it had been rendered at an instant, on the display window.
+
+    Parameters
+    ----------
+    motion : Motion
+        The layer made ready.
+    layer : SampleLayer
+        The layer.
+    schedule : Schedule
+        From `Motion.schedule`.
+    n : int
+        Which instant.
+
+    Returns
+    -------
+    layer : SampleLayer
+        Colour and depth at pixel centres.
+    guessed : ndarray of float32 of shape (rows, columns)
+        Share of each pixel's light that was filled in.
+    """
+    display = motion.samples.display_window
+    color, iz, guessed = instant(
+        motion.sheets,
+        schedule,
+        n,
+        motion.background,
+        (display.rows, display.columns),
+        motion.settings.backend,
+    )
+    nothing = iz < 0.0
+    if nothing.any() and not nothing.all():
+        _, nearest = ndimage.distance_transform_edt(nothing, return_indices=True)
+        color, iz = color[tuple(nearest)], iz[tuple(nearest)]
+        guessed = np.where(nothing, np.float32(1.0), guessed)
+    with np.errstate(divide="ignore"):
+        depth = np.asarray(1.0 / np.maximum(iz, 0.0), dtype=np.float32)
+    return SampleLayer(layer.name, color, depth), guessed
+
+
+def report_of(motion: Motion, layer: SampleLayer, instants: int, guessed: Float32Array) -> MotionReport:
+    """Return the report on a layer."""
+    return MotionReport(
+        layer=layer.name,
+        moving=motion.moving,
+        longest_path_px=motion.longest / motion.samples.supersampling,
+        instants=instants,
+        hidden=motion.hidden,
+        guessed=float(guessed.mean()),
+    )
+
+
+def instants_for(length: float) -> int:
+    """Return how many instants a path of a length in pixels needs: one for each of its pixels."""
+    return min(max(math.ceil(length), _LEAST_INSTANTS), _MOST_INSTANTS)
+
+
+def _by_object(motion: Motion) -> tuple[list[MovingObject], bool, Motion]:
+    """Return the objects that are given one path, whether they may meet, and the rest of the layer.
+
+    An object needs no more than one path where its samples move alike, on a film that is exposed at once,
+    over a background at rest, and it meets no other.
+    """
+    none: list[MovingObject] = []
+    slit = motion.settings.shutter.slit is not None
+    auto = motion.settings.model == "auto"
+    if motion.settings.model == "vector" or (auto and (slit or motion.background is None)):
+        return none, False, motion
+    parts = _parts(motion)
+    if not parts or (auto and len(parts) > _MOST_OBJECTS):
+        return none, False, motion
+    means = [_mean_sample(motion, part) for part in parts]
+    paths = [_path_of_mean(motion, part, mean) for part, mean in zip(parts, means, strict=True)]
+    meets = meeting([part.box for part in parts], [path for path, _ in paths])
+    alike = _move_alike(motion, parts) if auto else np.ones(len(parts), dtype=bool)
+    chosen = np.flatnonzero(~meets & alike) if auto else np.arange(len(parts))
+    objects = []
+    track, quads = motion.sheets.track.copy(), motion.sheets.quads.copy()
+    around = motion.samples.data_window
+    display = motion.samples.display_window
+    for n in chosen:
+        part = parts[n]
+        color = motion.sheets.color[0, part.sheet][part.window] * part.mask[..., np.newaxis]
+        iz = motion.sheets.inverse_depth[part.sheet][part.window]
+        picture = np.dstack([color, color[..., 3] * iz]).astype(np.float32)
+        if motion.samples.position == "corner":
+            picture = corners_averaged(np.pad(picture, ((1, 1), (1, 1), (0, 0))))
+        inset = 1 if motion.samples.position == "corner" else 0
+        row = around.y0 - display.y0 + part.window[0].start - inset
+        column = around.x0 - display.x0 + part.window[1].start - inset
+        objects.append(MovingObject(picture, row, column, *paths[n]))
+        track[part.sheet][part.window][part.mask] = NO_TRACK
+    for s in range(track.shape[0]):
+        left = track[s] != NO_TRACK
+        quads[s][~(left[:-1, :-1] & left[1:, :-1] & left[:-1, 1:] & left[1:, 1:])] = NO_QUAD
+    rest = replace(motion, sheets=motion.sheets._replace(track=track, quads=quads))
+    return objects, bool(meets[chosen].any()), rest
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """The samples of one object: which sheet, which part of it, and which samples there."""
+
+    sheet: int
+    window: tuple[slice, slice]
+    mask: Mask
+
+    @property
+    def box(self) -> tuple[int, int, int, int]:
+        """Top, left, bottom and right."""
+        rows, columns = self.window
+        return rows.start, columns.start, rows.stop, columns.stop
+
+
+def _parts(motion: Motion) -> list[_Part]:
+    """Return the objects that the sheets show."""
+    parts: list[_Part] = []
+    for s in range(motion.sheets.track.shape[0]):
+        there = motion.sheets.track[s] != NO_TRACK
+        if not there.any():
+            continue
+        labels = np.zeros(there.shape, dtype=np.int64)
+        labels[there] = 1 + np.unique(motion.surface[s][there], return_inverse=True)[1].reshape(-1)
+        parts.extend(
+            _Part(s, window, labels[window] == number)
+            for number, window in enumerate(ndimage.find_objects(labels), start=1)
+        )
+    return parts
+
+
+def _mean_sample(motion: Motion, part: _Part) -> FloatArray:
+    """Return x, y and inverse depth of the middle of an object's samples, weighed by their alpha."""
+    weight = np.where(part.mask, motion.sheets.color[0, part.sheet][part.window][..., 3], 0.0)
+    weight = weight if weight.any() else part.mask.astype(np.float32)
+    x, y = np.moveaxis(_rest(motion.sheets)[part.window], -1, 0)
+    values = (x, y, motion.sheets.inverse_depth[part.sheet][part.window].astype(np.float64))
+    return np.array([np.average(value, weights=weight) for value in values])
+
+
+def _path_of_mean(motion: Motion, part: _Part, mean: FloatArray) -> tuple[ExposedPath, FloatArray]:
+    """Return the path of the middle of an object's samples, and its inverse depth over the first."""
+    sheets, shutter = motion.sheets, motion.settings.shutter
+    display = motion.samples.display_window
+    positions = np.linspace(0.0, 1.0, _PATH_STEPS + 1)
+    times = shutter.frame_times(positions, _along(shutter, mean[0] / display.columns, mean[1] / display.rows))
+    track = int(sheets.track[part.sheet][part.window][part.mask][0])
+    if track == VECTOR_TRACK:
+        velocity, acceleration = (
+            field[part.sheet][part.window][part.mask].mean(axis=0, dtype=np.float64)
+            for field in (sheets.velocity, sheets.acceleration)
+        )
+        places = times[:, np.newaxis] * (velocity + times[:, np.newaxis] * acceleration)
+        ratio = np.ones(times.size)
+    else:
+        world = motion.samples.paths
+        assert world is not None
+        h = world.reprojections(motion.paths[track], times) @ np.array([mean[0], mean[1], 1.0, mean[2]])
+        w = np.maximum(h[:, 2:], 1e-6)
+        places, ratio = h[:, :2] / w - mean[:2], 1.0 / w[:, 0]
+    lit = shutter.times((np.arange(_PATH_STEPS) + 0.5) / _PATH_STEPS)
+    return path_of(shutter, positions, places), np.interp(lit, positions, ratio)
+
+
+def _move_alike(motion: Motion, parts: list[_Part]) -> Mask:
+    """Return which objects' samples have one path each, to a tenth of a pixel."""
+    rest = _rest(motion.sheets)
+    schedule = motion.schedule(_PROBES)
+    alike = np.ones(len(parts), dtype=bool)
+    for n in range(_PROBES):
+        now = places(motion.sheets, schedule, n, motion.settings.backend)[..., :2]
+        for k, part in enumerate(parts):
+            off = (now[part.sheet][part.window] - rest[part.window])[part.mask]
+            alike[k] &= bool((np.ptp(off, axis=0) <= 2.0 * _ALIKE).all())
+    return alike
+
+
+def _along(shutter: Shutter, x: float, y: float) -> float:
+    """Return how far along its way a slit passes a place, given as shares of the picture."""
+    edge = "top" if shutter.slit is None else shutter.slit.edge
+    return {"top": y, "bottom": 1.0 - y, "left": x, "right": 1.0 - x}[edge]
+
+
+class _Probe:
+    """Looks at sheets at a few instants of the exposure."""
+
+    def __init__(
+        self, samples: Samples, settings: MotionSettings, paths: tuple[ObjectPath | None, ...]
+    ) -> None:
+        self._samples = samples
+        self._settings = settings
+        self._paths = paths
+        self._schedule = _schedule(samples, settings.shutter, paths, np.linspace(0.0, 1.0, _PROBES))
+
+    def moves(self, sheet: Sheet) -> tuple[Mask, FloatArray]:
+        """Return which samples move, and how long each one's path is in pixels."""
+        sheets = self._stack([sheet])
+        travel = np.zeros(sheet.tracks.track.shape)
+        farthest = np.zeros(sheet.tracks.track.shape)
+        rest = _rest(sheets)
+        last = None
+        for n in range(_PROBES):
+            place = places(sheets, self._schedule, n, self._settings.backend)[0]
+            xy = np.where(place[..., 2:] >= 0.0, place[..., :2], rest if last is None else last)
+            if last is not None:
+                travel += np.hypot(*np.moveaxis(xy - last, -1, 0))
+            farthest = np.maximum(farthest, np.hypot(*np.moveaxis(xy - rest, -1, 0)))
+            last = xy
+        return np.maximum(travel, farthest) > _STILL, travel
+
+    def motion(
+        self,
+        sheets: list[Sheet],
+        background: Background | None,
+        travel: FloatArray,
+        moving: float,
+        hidden: Hidden,
+    ) -> Motion:
+        """Return the layer with its sheets joined."""
+        stacked = self._stack(sheets)
+        rest = _rest(stacked)
+        shape = stacked.track.shape
+        right = np.zeros((shape[0], shape[1], shape[2] - 1))
+        down = np.zeros((shape[0], shape[1] - 1, shape[2]))
+        for n in range(_PROBES):
+            off = places(stacked, self._schedule, n, self._settings.backend)[..., :2] - rest
+            right = np.maximum(right, np.abs(np.diff(off, axis=2)).max(axis=3))
+            down = np.maximum(down, np.abs(np.diff(off, axis=1)).max(axis=3))
+        joined = [
+            join(sheet, right[s], down[s], before_something=s > 0 or background is not None)
+            for s, sheet in enumerate(sheets)
+        ]
+        behind = np.stack([behind for _, behind in joined])
+        stacked = stacked._replace(
+            quads=np.stack([quads for quads, _ in joined]), color=np.stack([stacked.color[0], behind])
+        )
+        surface = np.stack([sheet.surface for sheet in sheets])
+        return Motion(
+            stacked, background, self._samples, self._settings, self._paths, surface, travel, moving, hidden
+        )
+
+    def _stack(self, sheets: list[Sheet]) -> Sheets:
+        color = np.stack([sheet.color for sheet in sheets])
+        shape = color.shape[:3]
+        return Sheets(
+            color=color[np.newaxis],
+            inverse_depth=np.stack([sheet.inverse_depth for sheet in sheets]),
+            track=np.stack([sheet.tracks.track for sheet in sheets]),
+            velocity=np.stack([sheet.tracks.velocity for sheet in sheets]),
+            acceleration=np.stack([sheet.tracks.acceleration for sheet in sheets]),
+            guessed=np.stack([sheet.guessed for sheet in sheets]),
+            quads=np.zeros((shape[0], shape[1] - 1, shape[2] - 1), dtype=np.uint8),
+            origin_x=sample_origin(self._samples)[0],
+            origin_y=sample_origin(self._samples)[1],
+        )
+
+
+def _rest(sheets: Sheets) -> FloatArray:
+    """Return where samples were rendered, (rows, columns, 2)."""
+    rows, columns = sheets.track.shape[1:]
+    x, y = np.meshgrid(sheets.origin_x + np.arange(columns), sheets.origin_y + np.arange(rows))
+    return np.stack([x, y], axis=2)
+
+
+def _schedule(
+    samples: Samples, shutter: Shutter, paths: tuple[ObjectPath | None, ...], shares: FloatArray
+) -> Schedule:
+    """Return the instants at which shares of the light have come in, and the tracks' matrices then."""
+    still = CameraPath(np.zeros(1), np.eye(3, 4)[np.newaxis])
+    world = samples.paths or MotionPaths(still)
+    positions = shutter.times(shares)
+    times = shutter.frame_times(positions)
+    slit = shutter.slit
+    if slit is None or slit.width == 1.0 or shutter.length == 0.0:
+        matrices = np.stack([world.reprojections(path, times) for path in paths])
+        return Schedule(times, np.ascontiguousarray(matrices))
+    begin, end = shutter.interval
+    display = samples.display_window
+    axis = 0 if slit.edge in ("left", "right") else 1
+    size = display.columns if axis == 0 else display.rows
+    rate = (end - begin) * (1.0 - slit.width) / size
+    grid = np.linspace(begin, end, _SLIT_GRID)
+    matrices = np.stack([world.reprojections(path, grid) for path in paths])
+    return Schedule(
+        times=times,
+        matrices=np.ascontiguousarray(matrices),
+        slit_axis=axis,
+        slit_rate=rate if slit.edge in ("left", "top") else -rate,
+        slit_middle=0.5 * size,
+        first=begin,
+        step=float(grid[1] - grid[0]),
+    )

@@ -22,7 +22,7 @@ _ALIASES: Final[dict[str, PassName]] = {
     "forward": "vector",  # only the way to the next frame
 }
 
-_FORWARD: Final = ("u", "v")
+FORWARD: Final = ("u", "v")
 """Components of a ``forward`` pass, which are a vector's last two."""
 
 _COMPONENTS: Final[dict[PassName, tuple[str, ...]]] = {
@@ -88,8 +88,8 @@ def parse_channel(channel: str, views: tuple[str, ...] = ()) -> ChannelName:
     if view is not None and view != views[0]:
         other_view = True
         layer = f"{layer}.{view}" if layer else view
-    if name == "vector" and component in _FORWARD:
-        return ChannelName(layer, name, 2 + _FORWARD.index(component), other_view)
+    if name == "vector" and component in FORWARD:
+        return ChannelName(layer, name, 2 + FORWARD.index(component), other_view)
     if name is None or component not in _COMPONENTS[name]:
         return ChannelName(layer, None, 0, other_view)
     index = _COMPONENTS[name].index(component)

@@ -24,7 +24,7 @@ class SceneFacts:
     has_depth, has_vector, has_object_index : bool
         Whether every view layer that renders has the pass.
     wants_motion : bool
-        Whether the motion processor will want vectors.
+        Whether the motion processor will run; it alone reads the vectors.
     motion_blur : bool
         Whether the engine's own motion blur is on.
     depth_of_field : bool
@@ -133,7 +133,7 @@ def _warnings(facts: SceneFacts) -> list[Finding]:
         name
         for name, there in (
             ("Z", facts.has_depth),
-            ("Vector", facts.has_vector),
+            ("Vector", facts.has_vector or not facts.wants_motion),
             ("Object Index", facts.has_object_index),
         )
         if not there

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Generator
-from dataclasses import asdict, dataclass, field
-from typing import Any, TypeVar
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -14,14 +14,31 @@ from . import jit
 from .camera import Film
 from .errors import SettingsError
 from .focus import FocusReport, FocusSettings, Weighting, average_down, focus_layer, over
-from .lens import CocModel, Lens
-from .motion import MotionModel
+from .lens import CocModel, FloatArray, Lens, circle_of_confusion
+from .motion import (
+    Motion,
+    MotionModel,
+    MotionReport,
+    MotionSettings,
+    expose_layer,
+    instant_layer,
+    instants_for,
+    prepare,
+    report_of,
+)
 from .psf import PsfSettings
 from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window
 from .scatter import Backend
+from .sheets import on_display
 from .shutter import ShutterAttributes
 
 T = TypeVar("T")
+
+_STEP_OF_CIRCLE: Final = 0.25
+"""Distance between the discs of a defocused moving sample, as a share of their diameter."""
+
+_LEAST_OPENING: Final = 1e-3
+"""Least opening of a between-the-lens shutter over the full one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,17 +94,20 @@ class Result:
         Where the picture lies.
     report : dict
         What was done, ready for JSON.
+    guessed : ndarray of float32 of shape (rows, columns)
+        Share of each pixel's light that rests on filled-in surfaces, from 0 to 1.
     """
 
     picture: Float32Array
     display_window: Window
     report: dict[str, Any]
+    guessed: Float32Array
 
 
 def process(samples: Samples, settings: ProcessSettings) -> Generator[float, None, Result]:
-    """Turn samples into a picture with depth of field.
+    """Turn samples into a picture with depth of field and motion blur.
 
-    Several layers are focused each by itself and laid over each other, the one with the nearer middle
+    Several layers are processed each by itself and laid over each other, the one with the nearer middle
     depth in front.
 
     Parameters
@@ -115,20 +135,19 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
         If a layer lacks its depth.
     """
     started = time.perf_counter()
-    reports: list[FocusReport] = []
+    done: list[_Layer] = []
     focus = focus_settings(samples, settings) if settings.use_lens else None
+    motion = motion_settings(samples, settings) if settings.use_motion else None
     layers = sorted(samples.layers, key=_middle_depth)
-    picture: Float32Array | None = None
     for number, layer in enumerate(layers):
-        if focus is None:
-            focused = _sharp(layer, samples)
-        else:
-            steps = focus_layer(layer, samples, focus)
-            focused, layer_report = yield from scaled(steps, number / len(layers), 1.0 / len(layers))
-            reports.append(layer_report)
-        picture = focused if picture is None else over(picture, focused)
-    assert picture is not None
+        steps = _process_layer(layer, samples, focus, motion)
+        done.append((yield from scaled(steps, number / len(layers), 1.0 / len(layers))))
+    picture, guessed = done[0].picture, done[0].guessed
+    for behind in done[1:]:
+        guessed = np.asarray(guessed + behind.guessed * (1.0 - picture[..., 3]), dtype=np.float32)
+        picture = over(picture, behind.picture)
     picture = average_down(picture, samples.supersampling)
+    guessed = average_down(guessed[..., np.newaxis], samples.supersampling)[..., 0]
     display = samples.display_window
     window = Window(
         display.x0 // samples.supersampling,
@@ -140,15 +159,77 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
         "size": [picture.shape[1], picture.shape[0]],
         "layers": [layer.name for layer in layers],
         "lens": None if focus is None else _lens_report(focus),
-        "focus": [asdict(r) for r in reports],
-        "motion": None,
+        "focus": [asdict(layer.focus) for layer in done if layer.focus is not None],
+        "shutter": None if motion is None else asdict(motion.shutter),
+        "motion": [asdict(layer.motion) for layer in done if layer.motion is not None],
         "repaired": samples.repaired,
         "threads": jit.set_thread_count(None),
         "compiled": jit.HAVE_NUMBA and settings.backend != "numpy",
         "seconds": time.perf_counter() - started,
     }
     yield 1.0
-    return Result(picture, window, report)
+    return Result(picture, window, report, guessed)
+
+
+@dataclass(frozen=True, slots=True)
+class _Layer:
+    """A processed layer."""
+
+    picture: Float32Array
+    guessed: Float32Array
+    focus: FocusReport | None = None
+    motion: MotionReport | None = None
+
+
+def _process_layer(
+    layer: SampleLayer, samples: Samples, focus: FocusSettings | None, motion: MotionSettings | None
+) -> Generator[float, None, _Layer]:
+    """Run the processors that are wanted on one layer."""
+    moving = None if motion is None else prepare(layer, samples, motion)
+    if moving is not None and focus is not None:
+        return (yield from _cascade(moving, layer, focus))
+    if moving is not None:
+        picture, guessed, report = yield from expose_layer(moving, layer)
+        return _Layer(picture, guessed, motion=report)
+    motion_report = None if motion is None else MotionReport(layer.name)
+    nothing = np.zeros((samples.display_window.rows, samples.display_window.columns), dtype=np.float32)
+    if focus is None:
+        return _Layer(on_display(samples, layer.color), nothing, motion=motion_report)
+    picture, focus_report = yield from focus_layer(layer, samples, focus)
+    return _Layer(picture, nothing, focus_report, motion_report)
+
+
+def _cascade(moving: Motion, layer: SampleLayer, focus: FocusSettings) -> Generator[float, None, _Layer]:
+    """Focus the samples of every instant (1983, figure 5: the PSFs of lens and motion on one sample).
+
+    A sample that is out of focus may take longer steps: its discs overlap.
+    """
+    samples = replace(moving.samples, data_window=moving.samples.display_window, position="center")
+    circles = _circles(moving.sheets.inverse_depth, focus) / (focus.film.pitch_x)
+    steps = moving.travel / np.maximum(1.0, _STEP_OF_CIRCLE * circles)
+    count = instants_for(float(steps.max(initial=0.0)))
+    schedule, openings = moving.schedule(count), moving.opening(count)
+    total = np.zeros((samples.display_window.rows, samples.display_window.columns, 4))
+    total_guessed = np.zeros(total.shape[:2])
+    focus_report = None
+    for n in range(count):
+        then, guessed = instant_layer(moving, layer, schedule, n)
+        # The blades of a between-the-lens shutter stop the lens down while they open and close.
+        lens = replace(focus.lens, f_stop=focus.lens.f_stop / max(float(openings[n]), _LEAST_OPENING))
+        steps_of_instant = focus_layer(then, samples, replace(focus, lens=lens))
+        picture, focus_report = yield from scaled(steps_of_instant, n / count, 1.0 / count)
+        total += picture
+        total_guessed += guessed
+    mean_guessed = np.asarray(total_guessed / count, dtype=np.float32)
+    motion_report = report_of(moving, layer, count, mean_guessed)
+    return _Layer(np.asarray(total / count, dtype=np.float32), mean_guessed, focus_report, motion_report)
+
+
+def _circles(inverse_depth: Float32Array, focus: FocusSettings) -> FloatArray:
+    """Return diameters of circles of confusion in metres."""
+    with np.errstate(divide="ignore"):
+        depth = 1.0 / inverse_depth.astype(np.float64)
+    return np.abs(circle_of_confusion(depth, focus.lens, focus.model))
 
 
 def run(steps: Generator[float, None, T]) -> T:
@@ -243,6 +324,36 @@ def focus_settings(samples: Samples, settings: ProcessSettings) -> FocusSettings
     return FocusSettings(lens, film, settings.model, settings.psf, settings.weighting, settings.backend)
 
 
+def motion_settings(samples: Samples, settings: ProcessSettings) -> MotionSettings | None:
+    """Complete the settings of the motion processor from the file.
+
+    Parameters
+    ----------
+    samples : Samples
+        The samples file.
+    settings : ProcessSettings
+        What overrides it.
+
+    Returns
+    -------
+    MotionSettings or None
+        ``None`` where no length of the exposure is known, or the file has neither paths nor vectors.
+
+    Raises
+    ------
+    SettingsError
+        If a shutter is asked for whose length nobody says.
+    """
+    shutter = settings.shutter.over(samples.shutter).resolve()
+    if shutter is None:
+        if settings.shutter.needs_length:
+            raise SettingsError("The file does not say how long the shutter is open; give --shutter.")
+        return None
+    if samples.paths is None and all(layer.vector is None for layer in samples.layers):
+        return None
+    return MotionSettings(shutter, settings.motion_model, settings.backend)
+
+
 def _known(wanted: float | None, stored: float | None, name: str, option: str | None = None) -> float:
     value = _first(wanted, stored, math.nan)
     if math.isnan(value):
@@ -264,21 +375,6 @@ def _middle_depth(layer: SampleLayer) -> float:
         return math.inf
     shown = layer.depth[(layer.color[..., 3] > 0.0) & np.isfinite(layer.depth)]
     return float(np.median(shown)) if shown.size else math.inf
-
-
-def _sharp(layer: SampleLayer, samples: Samples) -> Float32Array:
-    """Return the pinhole picture: the samples themselves, corner samples averaged into their pixels."""
-    data, display = samples.data_window, samples.display_window
-    color = layer.color
-    if samples.position == "corner":
-        color = 0.25 * (color[:-1, :-1] + color[1:, :-1] + color[:-1, 1:] + color[1:, 1:])
-    covered = Window(data.x0, data.y0, data.x0 + color.shape[1], data.y0 + color.shape[0])
-    seen = covered.intersection(display)
-    picture = np.zeros((display.rows, display.columns, 4), dtype=np.float32)
-    picture[seen.y0 - display.y0 : seen.y1 - display.y0, seen.x0 - display.x0 : seen.x1 - display.x0] = color[
-        seen.y0 - data.y0 : seen.y1 - data.y0, seen.x0 - data.x0 : seen.x1 - data.x0
-    ]
-    return picture
 
 
 def _lens_report(focus: FocusSettings) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import math
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -18,10 +19,11 @@ import pytest
 from potmesil_addon import __version__, cli, exr
 from potmesil_addon.camera import Camera, FrameFormat, camera_rotation
 from potmesil_addon.lens import Lens, depth_of_field_for_circle
+from potmesil_addon.paths import CameraPath, MotionPaths, ObjectPath
 from potmesil_addon.process import ProcessSettings, process, run
 from potmesil_addon.psf import PRIMARY_WAVELENGTHS, PsfSettings
 from potmesil_addon.samples import LensAttributes
-from potmesil_addon.shutter import ShutterAttributes
+from potmesil_addon.shutter import Shutter, ShutterAttributes, Slit, attributes_from_json
 
 from .helpers import (
     DATA,
@@ -101,8 +103,9 @@ def plain_file(folder: Path, name: str = "in.exr", rows: int = 8, columns: int =
     return write_exr(folder / name, plain_channels(rows, columns), **header)
 
 
-def rendered_file(folder: Path) -> Path:
+def rendered_file(folder: Path, shutter: ShutterAttributes | None = None, **header: Any) -> Path:
     """Write samples with camera, lens and film; the camera at (1, 2, 3), panned 30 degrees, tilted -10."""
+    shutter = shutter or ShutterAttributes(0.02, 24.0)
     to_camera = np.eye(4)
     to_camera[:3, :3] = camera_rotation(math.radians(30.0), math.radians(-10.0), math.radians(5.0))
     to_camera[:3, 3] = -to_camera[:3, :3] @ [1.0, 2.0, 3.0]
@@ -114,9 +117,7 @@ def rendered_file(folder: Path) -> Path:
     channels["ViewLayer.IndexOB.X"] = np.tile(np.array([0, 3, 7], dtype=np.float32), (8, 4))
     for component, length in zip("XYZW", (3.0, 4.0, 6.0, 8.0), strict=True):
         channels[f"ViewLayer.Vector.{component}"] = np.full((8, 12), length, dtype=np.float32)
-    return write_exr(
-        folder / "in.exr", channels, **exr.camera_attributes(camera, lens, ShutterAttributes(0.02, 24.0))
-    )
+    return write_exr(folder / "in.exr", channels, **exr.camera_attributes(camera, lens, shutter), **header)
 
 
 def read_rgba(path: Path) -> Any:
@@ -352,6 +353,72 @@ def test_info_says_what_a_file_holds(potmesil: Runner, tmp_path: Path) -> None:
     assert values["repaired"] == {}
 
 
+FULL_SHUTTER = ShutterAttributes(
+    0.02,
+    25.0,
+    frames=0.5,
+    position="start",
+    curve=((0.0, 0.0), (1.0, 1.0)),
+    openings=((0.0, 0.2), (0.4, 1.2)),
+    blade_time=0.25,
+    slit=Slit("left", 0.125),
+)
+
+
+def test_info_says_what_the_shutter_does_and_what_moves(potmesil: Runner, tmp_path: Path) -> None:
+    track = np.eye(3, 4)[np.newaxis] + np.arange(2.0)[:, np.newaxis, np.newaxis]
+    times, cube = np.array([0.0, 0.5]), np.array([[-1.0] * 3, [1.0] * 3])
+    paths = MotionPaths(
+        CameraPath(times[:1], track[:1]),
+        (
+            ObjectPath("Ball", 3, times, track, cube),
+            ObjectPath("Flag", 7, times[:1], track[:1], cube, deforming=True),
+        ),
+    )
+    source = rendered_file(tmp_path, FULL_SHUTTER, **{"potmesil:motion": paths.to_json()})
+    ended = potmesil("info", source, "--json")
+    assert (ended.status, ended.err) == (0, "")
+    assert ended.json["shutter"] == {
+        "frames": 0.5,
+        "exposure_time_s": pytest.approx(0.02),
+        "position": "start",
+        "curve": True,
+        "openings": [[0.0, 0.2], [0.4, 1.2]],
+        "blade_time": 0.25,
+        "slit": {"edge": "left", "width": 0.125},
+    }
+    assert ended.json["motion"] == {"objects": 2, "deforming": 1, "camera_moves": False}
+    text = potmesil("info", source).out
+    lines = {line.split(":")[0].strip(): line for line in text.splitlines()}
+    assert "frames 0.5" in lines["shutter"]
+    assert "openings 0:0.2, 0.4:1.2" in text
+    assert "slit edge left; width 0.125" in lines["shutter"]
+    assert "objects 2; deforming 1; camera moves no" in lines["motion"]
+
+
+def test_info_of_an_exposure_in_seconds(potmesil: Runner, tmp_path: Path) -> None:
+    values = potmesil("info", rendered_file(tmp_path), "--json").json
+    assert values["shutter"]["frames"] == pytest.approx(0.48)
+    assert values["shutter"]["position"] is None
+    assert values["shutter"]["slit"] is None
+    assert values["shutter"]["curve"] is False
+    assert values["motion"] is None
+
+
+def test_info_names_companion_layers(potmesil: Runner, tmp_path: Path) -> None:
+    channels = {}
+    for name in ("View", "View (stationary)", "View (moving)", "Other"):
+        for component, values in plain_channels(4, 6).items():
+            pass_ = "Depth" if component == "Z" else "Combined"
+            channels[f"{name}.{pass_}.{component}"] = values
+    source = write_exr(tmp_path / "in.exr", channels)
+    layers = {layer["name"]: layer for layer in potmesil("info", source, "--json").json["layers"]}
+    assert sorted(layers) == ["Other", "View"]
+    assert layers["View"]["companions"] == ["stationary", "moving"]
+    assert layers["Other"]["companions"] == []
+    assert "companions stationary, moving" in potmesil("info", source).out
+
+
 def test_info_of_a_plain_file(potmesil: Runner, tmp_path: Path) -> None:
     channels = plain_channels(4, 5)
     channels["Z"][0] = np.inf
@@ -424,6 +491,12 @@ def test_process_writes_the_focused_picture(potmesil: Runner, tmp_path: Path) ->
         (["--tables", "equal-z", "--table-step", "500"], {"psf": PsfSettings(tables="equal-z", step=0.5)}),
         (["--table-step", "3"], {"psf": PsfSettings(step=3.0)}),
         (["--no-lens"], {"use_lens": False}),
+        (["--no-motion"], {"use_motion": False}),
+        (["--shutter", "1.5"], {"shutter": ShutterAttributes(frames=1.5)}),
+        (["--shutter-position", "end"], {"shutter": ShutterAttributes(position="end")}),
+        (["--exposures", "2x0.1@0.8"], {"shutter": ShutterAttributes(openings=((0.0, 0.1), (0.8, 0.9)))}),
+        (["--shutter-blades", "0.5"], {"shutter": ShutterAttributes(blade_time=0.5)}),
+        (["--slit", "left:0.1"], {"shutter": ShutterAttributes(slit=Slit("left", 0.1))}),
     ],
 )
 def test_options_win_over_the_file(
@@ -435,6 +508,38 @@ def test_options_win_over_the_file(
     picture = read_rgba(tmp_path / "out.exr")
     assert np.array_equal(picture, run(process(samples, ProcessSettings(**settings))).picture)
     assert not np.array_equal(picture, run(process(samples, ProcessSettings())).picture)
+
+
+def test_shutter_curve_option(potmesil: Runner, tmp_path: Path) -> None:
+    source = rendered_file(tmp_path)
+    out = tmp_path / "out.exr"
+    name = curve_file(tmp_path, "[[0, 1], [0.5, 0], [1, 0]]")
+    assert potmesil("process", source, "-o", out, "--shutter-curve", name).status == 0
+    samples = exr.read_samples(source)
+    wanted = ShutterAttributes(curve=((0.0, 1.0), (0.5, 0.0), (1.0, 0.0)))
+    assert np.array_equal(read_rgba(out), run(process(samples, ProcessSettings(shutter=wanted))).picture)
+    assert not np.array_equal(read_rgba(out), run(process(samples, ProcessSettings())).picture)
+
+
+def test_none_takes_away_what_the_file_has(potmesil: Runner, tmp_path: Path) -> None:
+    source = rendered_file(tmp_path, FULL_SHUTTER)
+    off = ["--shutter-curve", "none", "--exposures", "none", "--shutter-blades", "0", "--slit", "none"]
+    assert potmesil("process", source, "-o", tmp_path / "off.exr", *off).status == 0
+    plain = rendered_file(tmp_path, ShutterAttributes(0.02, 25.0, frames=0.5, position="start"))
+    assert potmesil("process", plain, "-o", tmp_path / "plain.exr").status == 0
+    assert np.array_equal(read_rgba(tmp_path / "off.exr"), read_rgba(tmp_path / "plain.exr"))
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "word"),
+    [(["--shutter", "1"], 3, "Vector"), (["--shutter-position", "end"], 2, "--shutter")],
+)
+def test_a_shutter_needs_its_length_and_something_that_moves(
+    potmesil: Runner, tmp_path: Path, options: list[str], status: int, word: str
+) -> None:
+    arguments = ["process", plain_file(tmp_path), "-o", tmp_path / "out.exr", *LENS, *SENSOR]
+    assert word in one_line(potmesil(*arguments, *options), status)
+    assert potmesil(*arguments, *options, "--no-motion").status == 0
 
 
 def test_lommel_option(potmesil: Runner, tmp_path: Path) -> None:
@@ -555,8 +660,24 @@ def test_report_is_strict_json(potmesil: Runner, tmp_path: Path) -> None:
     assert report["focus"][0]["nearest_m"] is None
     assert report["focus"][0]["tables"] == 1
     assert report["lens"]["f_stop"] == 2.8
+    assert report["mask"] is None
+    assert report["shutter"] is None
+    assert report["motion"] == []
     assert report["threads"] >= 1
     assert report["seconds"] > 0.0
+
+
+def test_report_says_what_the_shutter_and_the_paths_were(potmesil: Runner, tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    arguments = ["process", rendered_file(tmp_path), "-o", tmp_path / "out.exr", "--report", report]
+    assert potmesil(*arguments, "--mask", tmp_path / "mask.png", "--slit", "right:0.5").status == 0
+    values = Ended(0, report.read_text(encoding="utf-8"), "").json
+    assert values["mask"] == str(tmp_path / "mask.png")
+    assert values["shutter"]["frames"] == pytest.approx(0.48)
+    assert values["shutter"]["slit"] == {"edge": "right", "width": 0.5}
+    (layer,) = values["motion"]
+    assert layer["layer"] == "ViewLayer"
+    assert layer["instants"] > 0
 
 
 def test_missing_output_folder_is_made(potmesil: Runner, tmp_path: Path) -> None:
@@ -605,6 +726,218 @@ def test_process_of_another_programs_file(potmesil: Runner, tmp_path: Path) -> N
     ended = potmesil("process", source, "-o", tmp_path / "out.png", *LENS, *SENSOR)
     assert (ended.status, ended.err) == (0, "")
     assert read_png(tmp_path / "out.png").shape == (270, 480, 3)
+
+
+# The shutter
+
+
+def parsed(*options: str) -> ProcessSettings:
+    """Return the settings of ``process`` with these options."""
+    arguments = ["process", "in.exr", "-o", "out.exr", *options]
+    return cli.process_settings(cli.build_parser("potmesil").parse_args(arguments))
+
+
+def curve_file(folder: Path, text: str) -> str:
+    path = folder / "curve.json"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("options", "shutter"),
+    [
+        ([], ShutterAttributes()),
+        (["--shutter", "0.75"], ShutterAttributes(frames=0.75)),
+        (["--shutter", "0"], ShutterAttributes(frames=0.0)),
+        (["--shutter-position", "end"], ShutterAttributes(position="end")),
+        (["--shutter-curve", "none"], ShutterAttributes(curve=())),
+        (["--exposures", "0:0.2,0.4:0.6"], ShutterAttributes(openings=((0.0, 0.2), (0.4, 0.6)))),
+        (["--exposures", "2x0.2@0.4"], ShutterAttributes(openings=((0.0, 0.2), (0.4, 0.6)))),
+        (["--exposures", "none"], ShutterAttributes(openings=())),
+        (["--shutter-blades", "0.25"], ShutterAttributes(blade_time=0.25)),
+        (["--shutter-blades", "0"], ShutterAttributes(blade_time=0.0)),
+        (["--slit", "left:0.1"], ShutterAttributes(slit=Slit("left", 0.1))),
+        (["--slit", "bottom:0"], ShutterAttributes(slit=Slit("bottom", 0.0))),
+        (["--slit", "none"], ShutterAttributes(slit=Slit(width=1.0))),
+    ],
+)
+def test_shutter_options_become_attributes(options: list[str], shutter: ShutterAttributes) -> None:
+    assert parsed(*options).shutter == shutter
+
+
+def test_motion_options_become_settings() -> None:
+    assert (parsed().use_motion, parsed().motion_model) == (True, "auto")
+    settings = parsed("--no-motion", "--motion-model", "vector")
+    assert (settings.use_motion, settings.motion_model) == (False, "vector")
+    assert settings.use_lens
+
+
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_shutter_curve_is_read_from_its_file(tmp_path: Path, mark: str) -> None:
+    name = curve_file(tmp_path, mark + "[[0, 0], [0.5, 1], [1, 0.25]]")
+    assert parsed("--shutter-curve", name).shutter.curve == ((0.0, 0.0), (0.5, 1.0), (1.0, 0.25))
+
+
+def test_options_switch_off_what_the_file_has() -> None:
+    off = parsed("--shutter-curve", "none", "--exposures", "none", "--shutter-blades", "0", "--slit", "none")
+    shutter = off.shutter.over(FULL_SHUTTER).resolve()
+    plain = Shutter(0.5, "start")
+    assert shutter is not None
+    assert (shutter.curve, shutter.openings, shutter.blade_time) == ((), (), 0.0)
+    assert shutter.interval == plain.interval
+    # A slit as wide as the film exposes all of it at once.
+    along = np.linspace(0.0, 1.0, 5)
+    for position in (0.0, 0.3, 1.0):
+        np.testing.assert_allclose(
+            shutter.frame_times(position, along), float(plain.frame_times(position)), atol=1e-15
+        )
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--shutter", "-1"],
+        ["--shutter", "nan"],
+        ["--shutter", "inf"],
+        ["--exposures", ""],
+        ["--exposures", "0.2"],
+        ["--exposures", "0:0.4,0.2:0.6"],
+        ["--exposures", "0.4:0.2"],
+        ["--exposures", "0:inf"],
+        ["--exposures", "5x0.4@0.2"],
+        ["--exposures", "0x0.2@0.4"],
+        ["--shutter-blades", "-0.1"],
+        ["--shutter-blades", "0.6"],
+        ["--shutter-blades", "nan"],
+        ["--slit", "left"],
+        ["--slit", "0.1"],
+        ["--slit", "left:wide"],
+        ["--slit", "left:1.5"],
+        ["--slit", "left:nan"],
+        ["--slit", "middle:0.5"],
+        ["--slit", ""],
+    ],
+)
+def test_shutters_out_of_range_are_2_before_any_work(
+    potmesil: Runner, tmp_path: Path, options: list[str]
+) -> None:
+    # Not even the input is looked for.
+    one_line(potmesil("process", tmp_path / "none.exr", "-o", tmp_path / "out.exr", *options), 2)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[[0, 1]]",
+        "[[0, 1], [1, 2]]",
+        "[[1, 1], [0, 1]]",
+        "[[0, 0], [1, 0]]",
+        "[1, 2]",
+        "\0\0",
+        "null",
+    ],
+)
+def test_wrong_shutter_curve_is_2(potmesil: Runner, tmp_path: Path, text: str) -> None:
+    name = curve_file(tmp_path, text)
+    source = plain_file(tmp_path)
+    one_line(potmesil("process", source, "-o", tmp_path / "out.exr", "--shutter-curve", name), 2)
+
+
+def test_binary_shutter_curve_is_2(potmesil: Runner, tmp_path: Path) -> None:
+    (tmp_path / "curve.json").write_bytes(bytes(range(256)))
+    arguments = ["process", "in.exr", "-o", "out.exr", "--shutter-curve", tmp_path / "curve.json"]
+    one_line(potmesil(*arguments), 2)
+
+
+@pytest.mark.parametrize("name", ["missing.json", "."])
+def test_missing_shutter_curve_is_3(potmesil: Runner, tmp_path: Path, name: str) -> None:
+    arguments = ["process", plain_file(tmp_path), "-o", tmp_path / "out.exr"]
+    assert name in one_line(potmesil(*arguments, "--shutter-curve", tmp_path / name), 3)
+
+
+@pytest.mark.parametrize("option", ["--shutter", "--shutter-position", "--motion-model", "--shutter-blades"])
+def test_wrong_words_of_the_shutter_are_usage(potmesil: Runner, option: str) -> None:
+    ended = potmesil("process", "in.exr", "-o", "out.exr", option, "sideways")
+    assert ended.status == 2
+    assert "usage:" in ended.err
+
+
+def written_header(folder: Path, samples: Any, settings: ProcessSettings) -> dict[str, Any]:
+    cli.write_result(folder / "out.exr", run(process(samples, settings)), samples)
+    header: dict[str, Any] = OpenEXR.File(str(folder / "out.exr"), header_only=True).parts[0].header
+    return header
+
+
+def test_the_result_carries_the_shutter_that_was_used(tmp_path: Path) -> None:
+    samples = exr.read_samples(rendered_file(tmp_path, FULL_SHUTTER))
+    wanted = ShutterAttributes(frames=2.0, curve=(), slit=Slit("top", 0.5))
+    header = written_header(tmp_path, samples, ProcessSettings(shutter=wanted))
+    used = attributes_from_json(json.loads(header["potmesil:shutter"]))
+    assert used == ShutterAttributes(
+        frames=2.0,
+        position="start",
+        openings=((0.0, 0.2), (0.4, 1.2)),
+        blade_time=0.25,
+        slit=Slit("top", 0.5),
+    )
+    assert header["expTime"] == pytest.approx(2.0 / 25.0)
+    # What was read back is the same shutter again.
+    assert exr.read_samples(tmp_path / "out.exr").shutter.resolve() == wanted.over(FULL_SHUTTER).resolve()
+
+
+def test_a_result_without_motion_says_nothing_of_a_shutter(tmp_path: Path) -> None:
+    samples = exr.read_samples(rendered_file(tmp_path, FULL_SHUTTER))
+    wanted = ShutterAttributes(frames=2.0)
+    header = written_header(tmp_path, samples, ProcessSettings(use_motion=False, shutter=wanted))
+    assert "potmesil:shutter" not in header
+    assert header["expTime"] == pytest.approx(0.02)
+
+
+def guessed_result(samples: Any) -> tuple[Any, Any]:
+    """Return a result, and the mask of what was guessed in it."""
+    result = run(process(samples, ProcessSettings(use_motion=False)))
+    mask = np.linspace(0.0, 1.0, result.picture[..., 0].size, dtype=np.float32)
+    mask = mask.reshape(result.picture.shape[:2])
+    return replace(result, guessed=mask), mask
+
+
+def test_mask_is_grey(tmp_path: Path) -> None:
+    samples = exr.read_samples(rendered_file(tmp_path))
+    result, mask = guessed_result(samples)
+    cli.write_mask(tmp_path / "mask.exr", result, samples)
+    written = read_rgba(tmp_path / "mask.exr")
+    for channel in range(3):
+        assert np.array_equal(written[..., channel], mask)
+    assert (written[..., 3] == 1.0).all()
+    cli.write_mask(tmp_path / "mask.png", result, samples)
+    values = read_png(tmp_path / "mask.png")
+    assert values.shape == (*mask.shape, 3)
+    assert (values[0, 0, 0], values[-1, -1, 0]) == (0, 255)
+    assert (np.diff(values[..., 0].ravel().astype(int)) >= 0).all()
+
+
+def test_mask_lies_where_the_picture_does(potmesil: Runner, tmp_path: Path) -> None:
+    source = plain_file(tmp_path, dataWindow=box(-2, -1, 9, 6), displayWindow=box(1, 2, 8, 5))
+    arguments = ["process", source, "-o", tmp_path / "out.exr", *LENS, *SENSOR, "--mask", tmp_path / "m.exr"]
+    assert potmesil(*arguments).status == 0
+    picture, mask = (OpenEXR.File(str(tmp_path / name)).parts[0] for name in ("out.exr", "m.exr"))
+    for name in ("dataWindow", "displayWindow"):
+        assert [c.tolist() for c in mask.header[name]] == [c.tolist() for c in picture.header[name]]
+    # Nothing moves, so nothing was guessed.
+    assert (mask.channels["RGBA"].pixels[..., :3] == 0.0).all()
+
+
+@pytest.mark.parametrize("name", ["in.exr", "out.exr", "mask.jpg"])
+def test_mask_replaces_nothing(potmesil: Runner, tmp_path: Path, name: str) -> None:
+    source = plain_file(tmp_path)
+    before = source.read_bytes()
+    arguments = ["process", source, "-o", tmp_path / "out.exr", *LENS, *SENSOR, "--mask", tmp_path / name]
+    one_line(potmesil(*arguments), 2)
+    assert source.read_bytes() == before
+    assert not (tmp_path / "out.exr").exists()
 
 
 # How it ends

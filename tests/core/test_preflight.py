@@ -26,7 +26,7 @@ def test_a_good_scene_has_no_findings() -> None:
         ({"engine": "BLENDER_WORKBENCH"}, "error", "Engine Without Passes", None),
         ({"renders_anything": False}, "error", "No View Layer", None),
         ({"has_depth": False}, "warning", "Passes Off: Z", "setup_passes"),
-        ({"has_vector": False}, "warning", "Passes Off: Vector", "setup_passes"),
+        ({"has_vector": False, "wants_motion": True}, "warning", "Passes Off: Vector", "setup_passes"),
         ({"has_object_index": False}, "warning", "Passes Off: Object Index", "setup_passes"),
         ({"all_on_index_zero": True}, "warning", "Objects Share Index 0", "setup_passes"),
         ({"motion_blur": True, "wants_motion": True}, "warning", "Motion Blur On", None),
@@ -43,12 +43,15 @@ def test_each_fact_has_its_finding(facts: dict[str, Any], severity: str, title: 
 
 
 def test_passes_that_are_off_are_named_together() -> None:
-    (found,) = check_scene(SceneFacts(has_depth=False, has_vector=False, has_object_index=False))
+    facts = SceneFacts(has_depth=False, has_vector=False, has_object_index=False, wants_motion=True)
+    (found,) = check_scene(facts)
     assert found.title == "Passes Off: Z, Vector, Object Index"
 
 
-def test_motion_blur_matters_to_the_motion_processor_alone() -> None:
-    assert check_scene(SceneFacts(motion_blur=True)) == ()
+@pytest.mark.parametrize("facts", [{"motion_blur": True}, {"has_vector": False}])
+def test_vectors_matter_to_the_motion_processor_alone(facts: dict[str, Any]) -> None:
+    assert check_scene(SceneFacts(**facts)) == ()
+    assert check_scene(SceneFacts(**facts, wants_motion=True)) != ()
 
 
 def everything_wrong() -> SceneFacts:
