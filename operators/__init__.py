@@ -9,6 +9,7 @@ from . import command, process, render, setup_passes
 CLASSES = (
     setup_passes.POTMESIL_OT_setup_passes,
     render.POTMESIL_OT_render,
+    render.POTMESIL_OT_watch_render,
     process.POTMESIL_OT_process,
 )
 

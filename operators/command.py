@@ -8,6 +8,8 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -16,6 +18,7 @@ from ..potmesil_addon.errors import EXIT_DONE, EXIT_FAILED, InputError, Potmesil
 from ..potmesil_addon.frames import frame_path, parse_frames
 from . import kernels
 from .export import refuse_errors, render_samples, samples_path
+from .process import panel_shutter
 
 NAME = "potmesil_camera"
 
@@ -59,10 +62,15 @@ def main(arguments: list[str]) -> int:
         return int(stop.code or 0)
     try:
         scene = _open_scene(options.scene)
-        # What no option says is as the panel has it; the options were found good above.
-        own = scene.potmesil_camera
-        parser.set_defaults(coc_model=own.coc_model, psf=own.psf, no_lens=not own.use_lens)
-        _render(scene, parser.parse_args(arguments[1:]))
+
+        def options_now() -> argparse.Namespace:
+            # What no option says is as the panel has it, at each frame; the options were found good above.
+            own = scene.potmesil_camera
+            parser.set_defaults(coc_model=own.coc_model, psf=own.psf, motion_model=own.motion_model)
+            parser.set_defaults(no_lens=not own.use_lens, no_motion=not own.use_motion)
+            return parser.parse_args(arguments[1:])
+
+        _render(scene, options, options_now)
     except PotmesilError as error:
         print(f"Error: {error}", file=sys.stderr, flush=True)
         return error.exit_status
@@ -90,15 +98,22 @@ def _open_scene(name: str | None) -> bpy.types.Scene:
     return bpy.context.scene
 
 
-def _render(scene: bpy.types.Scene, options: argparse.Namespace) -> None:
-    """Render, process and write every frame asked for."""
+def _render(
+    scene: bpy.types.Scene, options: argparse.Namespace, options_now: Callable[[], argparse.Namespace]
+) -> None:
+    """Render, process and write every frame asked for; the scene's settings may be animated."""
     from ..potmesil_addon import cli, exr, jit  # noqa: PLC0415 - see kernels
     from ..potmesil_addon.process import process, run  # noqa: PLC0415
 
     frames = (scene.frame_current,) if options.frames is None else parse_frames(options.frames)
-    settings = cli.process_settings(options)
+    cli.process_settings(options)  # what is wrong with them is said before the first render
     output = Path(bpy.path.abspath(options.output)).absolute()
     cli.check_output(output)
+    mask = None if options.mask is None else Path(bpy.path.abspath(options.mask)).absolute()
+    if mask is not None:
+        cli.check_output(mask)
+        if mask == output:
+            raise SettingsError("The mask would replace the picture; give another name.")
     if options.samples is not None and frame_path(Path(options.samples), 0).suffix.lower() != ".exr":
         raise SettingsError("--samples must end in .exr.")
     for finding in refuse_errors(scene):
@@ -116,9 +131,13 @@ def _render(scene: bpy.types.Scene, options: argparse.Namespace) -> None:
             samples_file = frame_path(template, frame, several=len(frames) > 1)
         render_samples(bpy.context, samples_file)
         samples = exr.read_samples(samples_file, tuple(options.layer) if options.layer else None)
+        settings = cli.process_settings(options_now())
+        settings = replace(settings, shutter=settings.shutter.over(panel_shutter(scene)))
         result = run(process(samples, settings))
         target = frame_path(output, frame, several=len(frames) > 1)
         cli.write_result(target, result, samples)
+        if mask is not None:
+            cli.write_mask(frame_path(mask, frame, several=len(frames) > 1), result, samples)
         minutes, seconds = divmod(time.perf_counter() - started, 60.0)
         # Whole lines, flushed: farms read them through a pipe.
         print(f"Saved: '{target}'", flush=True)

@@ -1,8 +1,9 @@
-"""From a render to a samples file: passes switched on, blur switched off, the camera saved with it."""
+"""From the scene to a samples file: passes on, blur off, its views rendered, camera and motion saved."""
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 import bpy
@@ -10,14 +11,19 @@ import bpy
 from ..potmesil_addon.errors import InputError
 from ..potmesil_addon.frames import frame_path
 from ..potmesil_addon.preflight import Finding, check_scene
-from . import compat
+from . import compat, kernels
+from .animation import curves_of
 from .borrow import Borrowed
-from .scene import evaluated_camera, scene_camera, scene_facts, scene_lens, scene_shutter
+from .motion import SampledMotion, kept_scene, sample_motion
+from .scene import frame_format, rendered_objects, scene_facts
 
 RENDER_RESULT = "Render Result"
 
 _POINT_FILTER_WIDTH = 0.01
 _POINT_SUPERSAMPLING = 2
+
+_MOTION_SHARE = 0.1
+"""Share of the export's progress for following what moves; the rest is rendering."""
 
 
 def refuse_errors(scene: bpy.types.Scene) -> tuple[Finding, ...]:
@@ -64,49 +70,6 @@ def uses_point_samples(scene: bpy.types.Scene) -> bool:
     return bool(scene.potmesil_camera.point_samples and scene.render.engine == "CYCLES")
 
 
-def save_samples(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, path: Path) -> None:
-    """Save the Render Result as a samples file, with the camera that it was rendered with.
-
-    Called while the render's settings are still borrowed, so that the camera has the render's size.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene that was rendered.
-    depsgraph : Depsgraph
-        The scene evaluated at the rendered frame.
-    path : Path
-        The samples file; written whole or not at all.
-
-    Raises
-    ------
-    InputError
-        If there is no render to save.
-    OutputError
-        If the file cannot be written.
-    """
-    # Blender's start-up would pay for OpenEXR's and numba's import if this stood above.
-    from ..potmesil_addon import exr  # noqa: PLC0415
-
-    camera = evaluated_camera(scene, depsgraph)
-    attributes = exr.camera_attributes(scene_camera(scene, camera), scene_lens(camera), scene_shutter(scene))
-    if uses_point_samples(scene):
-        attributes["potmesil:supersampling"] = _POINT_SUPERSAMPLING
-    image = bpy.data.images.get(RENDER_RESULT)
-    if image is None:
-        raise InputError("There is no render to save; render the scene first.")
-    with tempfile.TemporaryDirectory(prefix="potmesil_") as folder, Borrowed() as borrowed:
-        rendered = Path(folder) / "render.exr"
-        compat.borrow_multilayer_exr(borrowed, scene)
-        try:
-            image.save_render(str(rendered), scene=scene)
-        except RuntimeError as error:
-            raise InputError(
-                f"Blender cannot save the render ({str(error).strip()}); render again."
-            ) from error
-        exr.annotate(rendered, path, attributes)
-
-
 def render_samples(context: bpy.types.Context, path: Path) -> None:
     """Render the current frame and save its samples, blocking while Blender renders.
 
@@ -124,12 +87,207 @@ def render_samples(context: bpy.types.Context, path: Path) -> None:
     OutputError
         If the file cannot be written.
     """
-    scene = context.scene
+
+    def render() -> Iterator[float]:
+        bpy.ops.render.render(scene=context.scene.name)
+        yield 1.0
+
+    for _ in export_samples(context.scene, path, render):
+        pass
+
+
+def export_samples(
+    scene: bpy.types.Scene, path: Path, render: Callable[[], Iterator[float]]
+) -> Iterator[float]:
+    """Render the current frame and save its samples: follow what moves, render every view, write one file.
+
+    Where things move and the scene allows it, three views are rendered: the scene without what moves,
+    what moves alone, and last the scene as it is, which the Render Result goes on showing.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    path : Path
+        The samples file; written whole or not at all.
+    render : callable
+        Renders the scene into the Render Result, yielding progress. It may yield while Blender renders;
+        closing this generator gives everything back.
+
+    Yields
+    ------
+    float
+        Share of the work done.
+
+    Raises
+    ------
+    InputError
+        If the scene cannot be rendered.
+    OutputError
+        If the file cannot be written.
+    """
+    kernels.use_user_cache()
+    # Blender's start-up would pay for OpenEXR's and numba's import if these stood above.
+    from ..potmesil_addon import exr  # noqa: PLC0415
+    from ..potmesil_addon.process import scaled  # noqa: PLC0415
+
     refuse_errors(scene)
-    with Borrowed() as borrowed:
+    with (
+        # Renders, too, take changes back that were never keyed.
+        kept_scene(scene),
+        Borrowed() as borrowed,
+        tempfile.TemporaryDirectory(prefix="potmesil_") as folder,
+    ):
         borrow_for_render(borrowed, scene)
-        bpy.ops.render.render(scene=scene.name)
-        save_samples(scene, context.evaluated_depsgraph_get(), path)
+        motion = yield from scaled(sample_motion(scene), 0.0, _MOTION_SHARE)
+        margins = borrow_overscan(borrowed, scene, motion) if uses_overscan(scene) else (0, 0)
+        views: dict[str, Callable[[Borrowed], None]] = {}
+        if motion.paths.objects and uses_hidden_surfaces(scene):
+            views[exr.STATIONARY] = lambda own: _hide(own, scene, motion.moving)
+            views[exr.MOVING] = lambda own: _leave_alone(own, scene, motion)
+        start, share = _MOTION_SHARE, (1.0 - _MOTION_SHARE) / (len(views) + 1)
+        companions = {}
+        for suffix, prepare in views.items():
+            with Borrowed() as own:
+                prepare(own)
+                yield from _scaled(render(), start, share)
+                companions[suffix] = Path(folder) / f"companion_{len(companions)}.exr"
+                _save_render(scene, companions[suffix])
+            start += share
+        yield from _scaled(render(), start, share)
+        rendered = Path(folder) / "render.exr"
+        _save_render(scene, rendered)
+        attributes = exr.camera_attributes(motion.camera, motion.lens, motion.shutter)
+        attributes["potmesil:motion"] = motion.paths.to_json()
+        if uses_point_samples(scene):
+            attributes["potmesil:supersampling"] = _POINT_SUPERSAMPLING
+        exr.annotate(rendered, path, attributes, companions, margins)
+
+
+def uses_hidden_surfaces(scene: bpy.types.Scene) -> bool:
+    """Return whether the scene asks for views with and without moving objects and its engine gives them."""
+    own = scene.potmesil_camera
+    return bool(own.use_motion and own.use_hidden_surfaces and scene.render.engine == "CYCLES")
+
+
+def uses_overscan(scene: bpy.types.Scene) -> bool:
+    """Return whether the scene asks for what lies beyond the picture's border, and has no other border."""
+    render = scene.render
+    asked = scene.potmesil_camera.use_overscan and scene.potmesil_camera.use_motion
+    return bool(asked and not render.use_border)
+
+
+def borrow_overscan(borrowed: Borrowed, scene: bpy.types.Scene, motion: SampledMotion) -> tuple[int, int]:
+    """Let the camera see more on all sides, as much as comes into the picture during the exposure.
+
+    Parameters
+    ----------
+    borrowed : Borrowed
+        Remembers what the settings were.
+    scene : Scene
+        The scene, its other settings borrowed already.
+    motion : SampledMotion
+        What moves.
+
+    Returns
+    -------
+    tuple of int
+        Columns and rows more on each side.
+    """
+    margin_x, margin_y = motion.margins
+    if not (margin_x or margin_y):
+        return 0, 0
+    camera, render = scene.camera.data, scene.render
+    frame = frame_format(scene, camera)
+    columns, rows = frame.frame_size
+    pitch_x, _ = frame.fitted_pitch
+    shift_x, shift_y = frame.shift
+    columns, rows = columns + 2 * margin_x, rows + 2 * margin_y
+    borrowed.set(render, "resolution_x", columns)
+    borrowed.set(render, "resolution_y", rows)
+    borrowed.set(render, "resolution_percentage", 100)
+    width = pitch_x * columns
+    borrowed.set(camera, "sensor_fit", "HORIZONTAL")
+    borrowed.set(camera, "sensor_width", width * 1000.0)
+    # Blender gives the shift in units of the fitted side, which has become longer.
+    borrowed.set(camera, "shift_x", -shift_x / width)
+    borrowed.set(camera, "shift_y", -shift_y / width)
+    return margin_x, margin_y
+
+
+def _scaled(steps: Iterator[float], start: float, share: float) -> Iterator[float]:
+    for done in steps:
+        yield start + share * done
+
+
+def _leave_alone(borrowed: Borrowed, scene: bpy.types.Scene, motion: SampledMotion) -> None:
+    """Let the camera see what moves, and nothing else."""
+    borrowed.set(scene.render, "film_transparent", True)
+    others = {item.name_full for item in scene.objects if item.type == "LIGHT"}
+    # What the viewport does not show was not sampled, and does not count as moving.
+    instanced = {name for name, parent in motion.pairs if parent is not None}
+    others |= {item.name_full for item in rendered_objects(scene)} - instanced
+    _hide(borrowed, scene, (motion.still | others) - motion.moving)
+
+
+def _hide(borrowed: Borrowed, scene: bpy.types.Scene, names: Collection[str]) -> None:
+    """Hide objects, and the instances of instancers, from the camera; they still cast shadows and light."""
+    # A render that keeps its data would not notice what nothing is told of.
+    borrowed.set(scene.render, "use_persistent_data", False)
+    for item in bpy.data.objects:
+        if item.name_full in names and item.animation_data is not None:
+            for curve in curves_of(item, "visible_camera"):
+                borrowed.set(curve, "mute", True)
+    borrowed.set(_CameraVisibility(), "seen", dict.fromkeys(names, False))
+
+
+class _CameraVisibility:
+    """Which objects the camera sees, as one setting of all objects.
+
+    Changed one by one, each object would be taken for edited, and its physics would start again.
+    """
+
+    id_data = None
+    """What animates it is muted object by object."""
+
+    @property
+    def seen(self) -> dict[str, bool]:
+        """Every object's Camera ray visibility by its full name."""
+        objects = bpy.data.objects
+        values = [False] * len(objects)
+        objects.foreach_get("visible_camera", values)
+        return dict(zip((item.name_full for item in objects), values, strict=True))
+
+    @seen.setter
+    def seen(self, values: dict[str, bool]) -> None:
+        objects = bpy.data.objects
+        now = {**self.seen, **values}
+        objects.foreach_set("visible_camera", [now[item.name_full] for item in objects])
+        # Setting all leaves out what is linked from other files.
+        for item in objects:
+            if item.visible_camera != now[item.name_full]:
+                item.visible_camera = now[item.name_full]
+
+
+def _save_render(scene: bpy.types.Scene, path: Path) -> None:
+    """Save the Render Result as a float multilayer EXR.
+
+    Raises
+    ------
+    InputError
+        If there is no render to save.
+    """
+    image = bpy.data.images.get(RENDER_RESULT)
+    if image is None:
+        raise InputError("There is no render to save; render the scene first.")
+    with Borrowed() as borrowed:
+        compat.borrow_multilayer_exr(borrowed, scene)
+        try:
+            image.save_render(str(path), scene=scene)
+        except RuntimeError as error:
+            raise InputError(
+                f"Blender cannot save the render ({str(error).strip()}); render again."
+            ) from error
 
 
 def samples_path(scene: bpy.types.Scene) -> Path:

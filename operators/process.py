@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import bpy
 
+from ..potmesil_addon.shutter import ShutterAttributes, Slit
 from . import kernels
 from .export import samples_path
 from .result import show_result, store_result
-from .scene import evaluated_camera, scene_lens
+from .scene import evaluated_camera, scene_exposure, scene_lens
 from .work import SteppedOperator
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class POTMESIL_OT_process(SteppedOperator, bpy.types.Operator):
-    """Focus the last rendered samples with the camera's present focus and f-stop, without rendering again"""
+    """Blur the last rendered samples with the present focus, f-stop and shutter, without rendering again"""
 
     bl_idname = "potmesil.process"
     bl_label = "Process"
@@ -67,7 +68,8 @@ def process_samples(context: bpy.types.Context, path: Path) -> Iterator[float]:
 def process_settings(context: bpy.types.Context) -> ProcessSettings:
     """Return the scene's settings for the processors.
 
-    The lens is the camera's as it stands now; the film is that of the samples file.
+    The lens is the camera's and the exposure the scene's as they stand now; the film, and what moves
+    where, are those of the samples file.
     """
     from ..potmesil_addon.process import ProcessSettings  # noqa: PLC0415 - see kernels
     from ..potmesil_addon.psf import PsfSettings  # noqa: PLC0415
@@ -78,7 +80,26 @@ def process_settings(context: bpy.types.Context) -> ProcessSettings:
     lens = scene_lens(evaluated_camera(scene, context.evaluated_depsgraph_get()))
     return ProcessSettings(
         use_lens=own.use_lens,
+        use_motion=own.use_motion,
         lens=LensAttributes(**asdict(lens)),
+        shutter=panel_shutter(scene),
+        motion_model=own.motion_model,
         model=own.coc_model,
         psf=PsfSettings(kind=own.psf),
+    )
+
+
+def panel_shutter(scene: bpy.types.Scene) -> ShutterAttributes:
+    """Return the exposure of a scene with nothing left open.
+
+    A curve, an opening or a slit that is gone from the panel must not come back from the samples file:
+    one opening is an empty tuple, and all of the film at once a slit of width 1.
+    """
+    said = scene_exposure(scene)
+    return replace(
+        said,
+        curve=said.curve or (),
+        openings=said.openings or (),
+        blade_time=said.blade_time or 0.0,
+        slit=said.slit or Slit(width=1.0),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,8 +11,9 @@ import numpy as np
 from ..potmesil_addon.camera import Camera, FrameFormat
 from ..potmesil_addon.errors import InputError
 from ..potmesil_addon.lens import Lens
+from ..potmesil_addon.paths import thinned
 from ..potmesil_addon.preflight import SceneFacts
-from ..potmesil_addon.shutter import ShutterAttributes
+from ..potmesil_addon.shutter import Curve, ShutterAttributes, ShutterPosition, Slit, even_openings
 from . import compat
 
 if TYPE_CHECKING:
@@ -22,7 +24,14 @@ _DEFAULT_CLAMP = 10.0
 
 _LEAST_FOCUS_DISTANCE = 1e-5
 
-_RENDERED_TYPES = ("MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "VOLUME", "POINTCLOUD")
+_CURVE_SAMPLES = 256
+"""Cycles' own table of the shutter curve has as many values."""
+
+_CURVE_TOLERANCE = 1e-3
+"""Openness by which a straight piece of the shutter curve may be off."""
+
+RENDERED_TYPES = ("MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "VOLUME", "POINTCLOUD")
+"""Types of objects that can show in a render and have a pass index."""
 
 
 def scene_facts(scene: bpy.types.Scene) -> SceneFacts:
@@ -48,8 +57,7 @@ def scene_facts(scene: bpy.types.Scene) -> SceneFacts:
         has_depth=all(layer.use_pass_z for layer in layers),
         has_vector=all(layer.use_pass_vector for layer in layers),
         has_object_index=all(layer.use_pass_object_index for layer in layers),
-        # A samples file always holds the vectors.
-        wants_motion=True,
+        wants_motion=scene.potmesil_camera.use_motion,
         motion_blur=scene.render.use_motion_blur,
         depth_of_field=camera is not None and camera.dof.use_dof,
         focus_at_lens=camera is not None
@@ -72,7 +80,7 @@ def rendered_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 
 def _is_rendered(item: bpy.types.Object) -> bool:
-    return item.type in _RENDERED_TYPES and not item.hide_render
+    return item.type in RENDERED_TYPES and not item.hide_render
 
 
 def focus_distance(camera: bpy.types.Object) -> float:
@@ -176,9 +184,74 @@ def scene_camera(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
 
 
 def scene_shutter(scene: bpy.types.Scene) -> ShutterAttributes:
-    """Return the exposure of Blender's render settings."""
-    rate = scene.render.fps / scene.render.fps_base
-    return ShutterAttributes(exposure_time=scene.render.motion_blur_shutter / rate, frames_per_second=rate)
+    """Return the exposure of Blender's render settings at the current frame.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+
+    Returns
+    -------
+    ShutterAttributes
+        Length, position and, where the shutter is not open all the time, curve; with Cycles' rolling
+        shutter its slit.
+    """
+    render = scene.render
+    rate = render.fps / render.fps_base
+    positions: dict[str, ShutterPosition] = {"START": "start", "CENTER": "center", "END": "end"}
+    cycles = compat.cycles_settings(scene) if render.engine == "CYCLES" else None
+    slit = None
+    if cycles is not None and cycles.rolling_shutter_type == "TOP":
+        slit = Slit("top", cycles.rolling_shutter_duration)
+    return ShutterAttributes(
+        exposure_time=render.motion_blur_shutter / rate,
+        frames_per_second=rate,
+        frames=render.motion_blur_shutter,
+        position=positions[render.motion_blur_position],
+        curve=_shutter_curve(render.motion_blur_shutter_curve),
+        slit=slit,
+    )
+
+
+def scene_exposure(scene: bpy.types.Scene) -> ShutterAttributes:
+    """Return all that a scene says of the exposure: Blender's render settings and our own.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+
+    Returns
+    -------
+    ShutterAttributes
+        ``None`` for a curve, openings or a slit that the shutter has not.
+    """
+    own = scene.potmesil_camera
+    said = scene_shutter(scene)
+    slit = said.slit if own.shutter_kind == "whole" else None
+    if own.shutter_kind == "focal_plane":
+        slit = Slit(own.slit_edge, own.slit_width)
+    openings = None
+    if own.exposure_count > 1:
+        # A spacing below the duration is one exposure right after the other.
+        spacing = max(own.exposure_spacing, own.exposure_duration)
+        openings = even_openings(own.exposure_count, own.exposure_duration, spacing)
+    blade_time = own.blade_time if own.shutter_kind == "between_lens" else None
+    return replace(said, openings=openings, blade_time=blade_time, slit=slit)
+
+
+def _shutter_curve(mapping: bpy.types.CurveMapping) -> Curve | None:
+    """Return the openness as straight pieces, or None where the shutter is open, or shut, all the time."""
+    mapping.initialize()
+    curve = mapping.curves[0]
+    knots = [point.location.x for point in curve.points]
+    x = np.unique(np.clip([*np.linspace(0.0, 1.0, _CURVE_SAMPLES), *knots], 0.0, 1.0))
+    y = np.clip([mapping.evaluate(curve, position) for position in x], 0.0, 1.0)
+    if (y >= 1.0).all() or (y <= 0.0).all():
+        return None
+    keep = thinned(x - x[0], y, np.stack([np.zeros_like(y), y], axis=-1)[:, np.newaxis], _CURVE_TOLERANCE)
+    return tuple((float(a), float(b)) for a, b in zip(x[keep], y[keep], strict=True))
 
 
 def evaluated_camera(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bpy.types.Object:

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 
+from ..operators import compat
 from ..operators import scene as adapter
 from ..potmesil_addon.errors import PotmesilError
 from ..potmesil_addon.lens import depth_of_field
 from ..potmesil_addon.preflight import check_scene
 
 _ICONS = {"error": "CANCEL", "warning": "ERROR", "note": "INFO"}
+_CURVE_SHAPES = (
+    ("SMOOTH", "SMOOTHCURVE"),
+    ("ROUND", "SPHERECURVE"),
+    ("ROOT", "ROOTCURVE"),
+    ("SHARP", "SHARPCURVE"),
+    ("LINE", "LINCURVE"),
+    ("MAX", "NOCURVE"),
+)
+"""The shapes that Blender can give the shutter's curve, and their icons."""
+
 _LABEL_WIDTH = 6.2
 """Pixels a character at the standard interface scale, to break a sentence into labels."""
 
@@ -102,19 +115,61 @@ class POTMESIL_PT_aperture(_CameraPanel, bpy.types.Panel):
 
 
 class POTMESIL_PT_shutter(_CameraPanel, bpy.types.Panel):
-    """The exposure, straight from Blender's render settings."""
+    """The exposure: when and how long Blender's render settings say, and how the shutter opens."""
 
     bl_label = "Shutter"
     bl_parent_id = "POTMESIL_PT_camera"
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Draw the switch of the motion processor."""
+        self.layout.prop(context.scene.potmesil_camera, "use_motion", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw Blender's shutter and what Blender has no setting for."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = True
+        scene = context.scene
+        own = scene.potmesil_camera
+        layout.active = own.use_motion
+        column = layout.column(align=True)
+        column.prop(scene.render, "motion_blur_position", text="Position")
+        column.prop(scene.render, "motion_blur_shutter", text="Shutter")
+        column = layout.column(align=True)
+        column.prop(own, "exposure_count")
+        if own.exposure_count > 1:
+            column.prop(own, "exposure_duration")
+            column.prop(own, "exposure_spacing")
+        column = layout.column(align=True)
+        column.prop(own, "shutter_kind")
+        if own.shutter_kind == "focal_plane":
+            column.prop(own, "slit_edge")
+            column.prop(own, "slit_width")
+        elif own.shutter_kind == "between_lens":
+            column.prop(own, "blade_time")
+        elif scene.render.engine == "CYCLES":
+            _rolling_shutter(column, compat.cycles_settings(scene))
+        column = layout.column(align=True)
+        column.prop(own, "motion_model")
+        column.prop(own, "use_hidden_surfaces")
+        column.prop(own, "use_overscan")
+
+
+class POTMESIL_PT_shutter_curve(_CameraPanel, bpy.types.Panel):
+    """How far the shutter is open over the exposure, as Blender shows it."""
+
+    bl_label = "Shutter Curve"
+    bl_parent_id = "POTMESIL_PT_shutter"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw Blender's shutter."""
+        """Draw Blender's curve and its preset shapes."""
         layout = self.layout
-        layout.use_property_split = True
-        render = context.scene.render
-        layout.prop(render, "motion_blur_position", text="Position")
-        layout.prop(render, "motion_blur_shutter", text="Shutter")
+        layout.active = context.scene.potmesil_camera.use_motion
+        layout.template_curve_mapping(context.scene.render, "motion_blur_shutter_curve")
+        row = layout.row(align=True)
+        for shape, icon in _CURVE_SHAPES:
+            row.operator("render.shutter_curve_preset", icon=icon, text="").shape = shape
 
 
 class POTMESIL_PT_samples(_CameraPanel, bpy.types.Panel):
@@ -142,6 +197,15 @@ class POTMESIL_PT_samples(_CameraPanel, bpy.types.Panel):
             _sentence(column, context, finding.text)
         if any(finding.fix == "setup_passes" for finding in findings):
             box.operator("potmesil.setup_passes", icon="RENDERLAYERS")
+
+
+def _rolling_shutter(column: bpy.types.UILayout, cycles: Any) -> None:
+    """Draw Cycles' own rolling shutter."""
+    if cycles is None:
+        return
+    column.prop(cycles, "rolling_shutter_type", text="Rolling")
+    if cycles.rolling_shutter_type != "NONE":
+        column.prop(cycles, "rolling_shutter_duration", text="Line Time")
 
 
 def _limits(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -196,5 +260,6 @@ CLASSES = (
     POTMESIL_PT_focus,
     POTMESIL_PT_aperture,
     POTMESIL_PT_shutter,
+    POTMESIL_PT_shutter_curve,
     POTMESIL_PT_samples,
 )

@@ -10,7 +10,9 @@ import bpy
 def emitter(name: str, color: tuple[float, float, float], strength: float = 1.0) -> Any:
     """Return a material that glows evenly."""
     material = bpy.data.materials.new(name)
-    material.use_nodes = True
+    # From Blender 5.0 on the tree is there, and setting this warns.
+    if material.node_tree is None:
+        material.use_nodes = True
     tree = material.node_tree
     tree.nodes.clear()
     output = tree.nodes.new("ShaderNodeOutputMaterial")

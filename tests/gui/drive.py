@@ -22,6 +22,7 @@ SEEN: dict[str, Any] = {"errors": []}
 # Where the Render button is, from the left and the top of the Properties editor's region.
 RENDER_BUTTON = (70, 97)
 PROCESS_BUTTON = (190, 97)
+CURVE_TITLE = (100, 553)
 
 
 def shot(name: str) -> None:
@@ -66,6 +67,11 @@ def prepare() -> None:
     scene.cycles.samples = 16
     scene.cycles.use_denoising = False
     scene.render.resolution_x, scene.render.resolution_y = 480, 270
+    cube = bpy.data.objects["Cube"]
+    for frame, x in ((0, -1.0), (2, 1.0)):
+        cube.location.x = x
+        cube.keyframe_insert("location", frame=frame)
+    scene.frame_set(1)
     camera = scene.camera
     camera.data.dof.focus_distance = 8.0
     camera.data.dof.aperture_fstop = 0.2
@@ -98,6 +104,7 @@ def story() -> Iterator[float]:
     area("PROPERTIES").spaces.active.context = "DATA"
     yield 1.5
     shot("panel")
+    yield from shutter_panel()
     click(RENDER_BUTTON)
     yield from wait(lambda: state().running, 5.0)
     SEEN["started"] = state().running
@@ -121,7 +128,40 @@ def story() -> Iterator[float]:
     yield 0.5
     shot("processed")
     SEEN["refocused"] = first != pixels()
+    yield from longer_shutter()
     yield from cancelled_render()
+
+
+def shutter_panel() -> Iterator[float]:
+    """Show what each kind of shutter asks for, and open and close its curve."""
+    own = bpy.context.scene.potmesil_camera
+    own.exposure_count = 5
+    for kind in ("focal_plane", "between_lens"):
+        own.shutter_kind = kind
+        area("PROPERTIES").tag_redraw()
+        yield 1.0
+        shot(f"shutter_{kind}")
+    own.exposure_count, own.shutter_kind = 1, "whole"
+    area("PROPERTIES").tag_redraw()
+    yield 0.5
+    click(CURVE_TITLE)
+    yield 1.0
+    shot("shutter_curve")
+    click(CURVE_TITLE)
+    yield 0.5
+
+
+def longer_shutter() -> Iterator[float]:
+    """Open the shutter longer, and press Process."""
+    before = pixels()
+    bpy.context.scene.render.motion_blur_shutter = 1.5
+    click(PROCESS_BUTTON)
+    yield 0.3
+    yield from wait(lambda: not state().running, 60.0)
+    yield 0.5
+    shot("exposed")
+    SEEN["exposed"] = before != pixels()
+    SEEN["error_after_process"] = state().error
 
 
 def cancelled_render() -> Iterator[float]:

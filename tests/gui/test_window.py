@@ -80,6 +80,11 @@ def test_process_button_refocuses(seen: dict[str, Any]) -> None:
     assert seen["refocused"]
 
 
+def test_process_button_takes_the_present_shutter(seen: dict[str, Any]) -> None:
+    assert seen["exposed"]
+    assert seen["error_after_process"] == ""
+
+
 def test_escape_cancels_the_render_and_gives_everything_back(seen: dict[str, Any]) -> None:
     assert seen["borrowed"]
     assert seen["given_back"]
@@ -88,7 +93,7 @@ def test_escape_cancels_the_render_and_gives_everything_back(seen: dict[str, Any
     assert seen["file_format"] == "PNG"
 
 
-@pytest.mark.parametrize("name", ["panel", "rendered", "processed"])
+@pytest.mark.parametrize("name", ["panel", "shutter_curve", "rendered", "processed", "exposed"])
 def test_window_is_drawn(seen: dict[str, Any], name: str) -> None:
     png = pytest.importorskip("png")
     columns, rows, lines, _ = png.Reader(str(PICTURES / f"{name}.png")).asRGB8()

@@ -1,0 +1,113 @@
+"""The margin that is rendered around the picture for what comes in from outside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from .scenes import card, dump, emitter
+from .test_motion_export import keyed
+
+
+def turning_scene(scene: Any) -> None:
+    """Cards side by side before a camera that turns by about 12 pixels a frame."""
+    for n, color in enumerate([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, 1)]):
+        card(scene, f"Card {n}", (1.2 * (n - 2), 5.0, 0.3 * (n - 2)), 1.0, emitter(f"Glow {n}", color))
+    keyed(scene.camera, "rotation_euler", {0: (np.pi / 2, 0.0, -0.08), 2: (np.pi / 2, 0.0, 0.08)})
+
+
+def export(scene: Any, module: Any, path: Path) -> Any:
+    module("operators.export").render_samples(bpy.context, path)
+    return module("potmesil_addon.exr").read_samples(path)
+
+
+@pytest.mark.parametrize(
+    "setting", ["plain", "shift", "portrait", "vertical", "aspect", "percentage", "points"]
+)
+def test_the_picture_lies_where_it_lay_without(scene: Any, module: Any, tmp_path: Path, setting: str) -> None:
+    turning_scene(scene)
+    scene.cycles.seed = 1
+    camera, render = scene.camera.data, scene.render
+    if setting == "shift":
+        camera.shift_x, camera.shift_y = 0.1, -0.07
+    elif setting == "portrait":
+        render.resolution_x, render.resolution_y = 64, 96
+    elif setting == "vertical":
+        camera.sensor_fit, camera.sensor_height = "VERTICAL", 20.0
+    elif setting == "aspect":
+        render.pixel_aspect_x = 1.5
+    elif setting == "percentage":
+        render.resolution_percentage = 73
+    elif setting == "points":
+        scene.potmesil_camera.point_samples = True
+    scene.potmesil_camera.use_overscan = False
+    plain = export(scene, module, tmp_path / "plain.exr")
+    scene.potmesil_camera.use_overscan = True
+    wide = export(scene, module, tmp_path / "wide.exr")
+    assert plain.data_window == plain.display_window == wide.display_window
+    left, top = -wide.data_window.x0, -wide.data_window.y0
+    assert left >= 3
+    rows, columns = plain.data_window.rows, plain.data_window.columns
+    inside = (slice(top, top + rows), slice(left, left + columns))
+    # Other samples fall on other pixels, so edges between the cards may differ.
+    same_depth = np.isclose(wide.layers[0].depth[inside], plain.layers[0].depth, rtol=1e-3)
+    assert same_depth.mean() > 0.96
+    # What Blender 5.2 says of the motion where there is no surface depends on the frame.
+    surface = same_depth & np.isfinite(plain.layers[0].depth)
+    off = np.abs(wide.layers[0].vector[inside] - plain.layers[0].vector)[surface]
+    assert np.median(off) < 0.02
+    difference = [
+        np.abs(np.roll(wide.layers[0].color, (row, column), (0, 1))[inside] - plain.layers[0].color).mean()
+        for row, column in ((0, 0), (0, 1), (0, -1), (1, 0), (-1, 0))
+    ]
+    assert difference[0] < 0.5 * min(difference[1:])
+    assert np.array_equal(wide.camera.matrix, plain.camera.matrix)
+
+
+def test_the_margin_is_as_wide_as_things_move(scene: Any, module: Any) -> None:
+    turning_scene(scene)
+    run = module("potmesil_addon.process").run
+    margins = run(module("operators.motion").sample_motion(scene)).margins
+    # 0.08 radians a frame are 10.7 pixels, the shutter is open for a quarter of a frame on either side.
+    assert 4 <= margins[0] <= 6
+    assert margins[1] <= 2
+
+
+def test_what_moves_within_the_picture_needs_none(scene: Any, module: Any, tmp_path: Path) -> None:
+    item = card(scene, "Card", (0.0, 5.0, 0.0), 0.4, emitter("Glow", (1.0, 1.0, 1.0)))
+    keyed(item, "location", {0: (-0.5, 5.0, 0.0), 2: (0.5, 5.0, 0.0)})
+    samples = export(scene, module, tmp_path / "a.exr")
+    assert samples.data_window == samples.display_window
+
+
+def test_a_long_way_is_cut_to_a_quarter(scene: Any, module: Any) -> None:
+    turning_scene(scene)
+    scene.render.motion_blur_shutter = 2.0
+    keyed(scene.camera, "rotation_euler", {0: (np.pi / 2, 0.0, -1.0), 2: (np.pi / 2, 0.0, 1.0)})
+    run = module("potmesil_addon.process").run
+    assert run(module("operators.motion").sample_motion(scene)).margins[0] == 24
+
+
+def test_settings_are_given_back(scene: Any, module: Any, tmp_path: Path) -> None:
+    turning_scene(scene)
+    names = ("resolution_x", "resolution_y", "resolution_percentage", "use_border")
+
+    def settings() -> Any:
+        return [getattr(scene.render, name) for name in names], dump(scene.camera.data)
+
+    before = settings()
+    samples = export(scene, module, tmp_path / "a.exr")
+    assert samples.data_window != samples.display_window
+    assert settings() == before
+
+
+def test_no_margin_with_a_border(scene: Any, module: Any, tmp_path: Path) -> None:
+    turning_scene(scene)
+    scene.render.use_border = scene.render.use_crop_to_border = True
+    scene.render.border_min_x, scene.render.border_max_x = 0.25, 0.75
+    samples = export(scene, module, tmp_path / "a.exr")
+    assert samples.data_window == samples.display_window
