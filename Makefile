@@ -23,10 +23,13 @@ RELEASES := linux-x64-cp311 linux-x64-cp313 windows-x64-cp311 windows-x64-cp313 
 
 PYTEST_ARGS ?=
 
+BENCH := build/bench/env
+BENCH_ARGS ?=
+
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup system-packages demo test test-all test-others test-gui extension extension-release \
-	lint format docs clean
+.PHONY: help setup system-packages demo test test-all test-others test-gui benchmark extension \
+	extension-release lint format docs clean
 
 help:  ## list these targets
 	@echo "make TARGET [BLENDER_VERSION=$(BLENDER_VERSION)]   (one of $(BLENDER_VERSIONS))"
@@ -80,6 +83,18 @@ test-others:  ## the same, leaving out the Blender that "make test" uses
 test-gui: $(ENV)/.stamp  ## run the tests that need a window: make test-gui BLENDER=/path/to/blender
 	@if [ -z "$$BLENDER" ]; then echo "Name a Blender with a window: make test-gui BLENDER=/path/to/blender" >&2; exit 1; fi
 	$(PY) -m pytest tests/gui $(PYTEST_ARGS)
+
+# The benchmarks run under Blender 5.2; what only they need stays out of its environment.
+$(BENCH)/.stamp: .venv/bpy-5.2/.stamp requirements/bench.txt
+	@echo "Making the environment of the benchmarks" && \
+	.venv/bpy-5.2/bin/python -m venv $(BENCH) && \
+	echo ../../../../../../.venv/bpy-5.2/lib/python$(PYTHON_OF_5.2)/site-packages \
+		> $(BENCH)/lib/python$(PYTHON_OF_5.2)/site-packages/bpy.pth && \
+	$(BENCH)/bin/python $(PIP_INSTALL) -r requirements/bench.txt && \
+	touch $@
+
+benchmark: $(BENCH)/.stamp  ## measure motion blur against Cycles and Vector Blur, into build/bench/motion
+	$(BENCH)/bin/python benchmarks/motion_fidelity.py $(BENCH_ARGS)
 
 extension: $(ENV)/.stamp  ## build and validate the extension without wheels, into dist/
 	$(PY) tools/build_extension.py --output dist
