@@ -16,7 +16,7 @@ CUBE_DISTANCE = 0.550
 BACKGROUND_DISTANCE = 0.980
 
 
-def build(resolution: int = 512, samples: int = 32) -> bpy.types.Scene:
+def build(resolution: int = 512, samples: int = 32, *, moving: bool = False) -> bpy.types.Scene:
     """Replace everything in Blender's current file by the scene.
 
     Parameters
@@ -25,6 +25,8 @@ def build(resolution: int = 512, samples: int = 32) -> bpy.types.Scene:
         Pixels each way.
     samples : int
         Cycles' samples a pixel.
+    moving : bool
+        Whether the cube spins and the sphere flies past; at frame 1 both are where they are at rest.
 
     Returns
     -------
@@ -63,7 +65,18 @@ def build(resolution: int = 512, samples: int = 32) -> bpy.types.Scene:
     shell.data.materials.append(_sky())
     for index, item in enumerate((cube, sphere, shell), start=1):
         item.pass_index = index
+    if moving:
+        # Evenly, whatever the preferences say of new keys.
+        _drive(cube, "rotation_euler", 2, math.radians(24.0))
+        _drive(sphere, "location", 0, 0.030)
+        _drive(sphere, "location", 2, 0.006)
     return scene
+
+
+def _drive(item: bpy.types.Object, name: str, axis: int, rate: float) -> None:
+    """Let a value grow by a rate a frame from what it is at frame 1."""
+    rest = getattr(item, name)[axis]
+    item.driver_add(name, axis).driver.expression = f"{rest} + {rate} * (frame - 1)"
 
 
 def _render_settings(scene: bpy.types.Scene, resolution: int, samples: int) -> None:

@@ -1,7 +1,8 @@
-"""The demo: the papers' first scene through Cycles and the focus processor, to pictures.
+"""The demo: the papers' first scene through Cycles and both processors, to pictures.
 
-Run it with `make demo`. It writes the scene, its samples file, and the pictures of TOG 1982, figures 11
-to 14, that are focused on the cube: pinhole, f/5.6, f/11 and f/22.
+Run it with `make demo`. It writes the scene, its samples file, the pictures of TOG 1982, figures 11 to
+14, that are focused on the cube (pinhole, f/5.6, f/11 and f/22), and the cube spinning and the sphere
+flying past: with motion blur alone, and at f/5.6 with lens and shutter on one sample.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
 
     started = time.perf_counter()
-    scene = cube_and_sphere.build(options.resolution, options.samples)
+    scene = cube_and_sphere.build(options.resolution, options.samples, moving=True)
     extension = runpy.run_path(str(ROOT / "farm" / "run.py"))["load_extension"]()
     core = f"{extension.__name__}.potmesil_addon"
     samples_file = folder / "samples.exr"
@@ -43,15 +44,21 @@ def main() -> int:
     print(f"Rendered and saved the samples in {time.perf_counter() - started:.1f} s")
 
     cli = importlib.import_module(f"{core}.cli")
-    status = cli.main(["process", str(samples_file), "-o", str(folder / "pinhole.png"), "--no-lens"])
+
+    def process(name: str, *words: str) -> int:
+        begun = time.perf_counter()
+        status = int(cli.main(["process", str(samples_file), "-o", str(folder / name), *words]))
+        print(f"{time.perf_counter() - begun:.1f} s")
+        return status
+
+    status = process("pinhole.png", "--no-lens", "--no-motion")
     for f_stop in F_STOPS:
-        started = time.perf_counter()
-        status = status or cli.main(
-            ["process", str(samples_file), "-o", str(folder / f"f{f_stop:g}.png"), "--fstop", str(f_stop)]
-        )
-        limits = _limits(core, f_stop)
-        print(f"f/{f_stop:g}: sharp from {limits}, {time.perf_counter() - started:.1f} s")
-    return status
+        print(f"f/{f_stop:g}: sharp from {_limits(core, f_stop)}")
+        status = status or process(f"f{f_stop:g}.png", "--fstop", str(f_stop), "--no-motion")
+    print("Shutter open for half a frame")
+    status = status or process("motion.png", "--no-lens")
+    print("Shutter and f/5.6 together")
+    return status or process("motion_f5.6.png", "--fstop", "5.6")
 
 
 def _limits(core: str, f_stop: float) -> str:
