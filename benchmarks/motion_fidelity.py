@@ -33,8 +33,8 @@ import bpy  # noqa: E402
 import measures  # noqa: E402
 import numpy as np  # noqa: E402
 import numpy.typing as npt  # noqa: E402
-from motion_scenes import SCENES, MotionScene, open_scene  # noqa: E402
 from contact_sheet import write_sheet  # noqa: E402
+from motion_scenes import SCENES, MotionScene, open_scene  # noqa: E402
 from vector_blur import SAMPLE_COUNTS, Setup, save_render, setups, vector_blur  # noqa: E402
 
 from potmesil_addon import exr  # noqa: E402

@@ -180,7 +180,7 @@ def _scene(
 
 @_scene()
 def translation(scene: bpy.types.Scene) -> None:
-    """Move a ball evenly across a detailed wall, 43 pixels: the plainest motion blur there is."""
+    """Move a ball across a detailed wall: the plainest motion blur there is."""
     _wall(scene)
     _glide(_ball(scene, "Ball", (0.0, 5.0, 0.0), 0.6, _checker("Ball", RED, CREAM, 5.0)), (80.0, 0.0, 30.0))
 
@@ -394,10 +394,17 @@ def _keys(
     thing: bpy.types.Object, path: str, axis: int, keys: Sequence[tuple[float, float]], name: str = "LINEAR"
 ) -> None:
     """Animate a component of a thing's place or turn, by default evenly."""
-    bpy.context.preferences.edit.keyframe_new_interpolation_type = name
     for time, value in keys:
         getattr(thing, path)[axis] = value
         thing.keyframe_insert(path, index=axis, frame=time)
+    # The preference for new keys is not obeyed without a window.
+    animation = thing.animation_data
+    for layer in animation.action.layers:
+        for strip in layer.strips:
+            for curve in strip.channelbag(animation.action_slot).fcurves:
+                if (curve.data_path, curve.array_index) == (path, axis):
+                    for point in curve.keyframe_points:
+                        point.interpolation = name
 
 
 def _follow(thing: bpy.types.Object, path: str, axis: int, place: Callable[[float], float]) -> None:
@@ -532,7 +539,6 @@ def _flag(scene: bpy.types.Scene, place: tuple[float, float, float]) -> bpy.type
             held = (x + 1.3) / 2.6
             wave = held * math.sin(4.0 * x + phase)
             point.co = Vector((x + 0.1 * wave, 0.5 * wave, z + 0.45 * wave))
-    bpy.context.preferences.edit.keyframe_new_interpolation_type = "LINEAR"
     keys = flag.data.shape_keys.key_blocks
     for step in range(-_KEYS_A_FRAME, _KEYS_A_FRAME + 1):
         angle = math.radians(60.0) * step / _KEYS_A_FRAME

@@ -17,6 +17,7 @@ import bpy
 from ..potmesil_addon.errors import EXIT_DONE, EXIT_FAILED, InputError, PotmesilError, SettingsError
 from ..potmesil_addon.frames import frame_path, parse_frames
 from . import kernels
+from .borrow import Borrowed
 from .export import refuse_errors, render_samples, samples_path
 from .process import panel_shutter
 
@@ -129,7 +130,10 @@ def _render(
         else:
             template = Path(bpy.path.abspath(options.samples)).absolute()
             samples_file = frame_path(template, frame, several=len(frames) > 1)
-        render_samples(bpy.context, samples_file)
+        with Borrowed() as borrowed:
+            # Without motion blur nothing that only it needs is rendered.
+            borrowed.set(scene.potmesil_camera, "use_motion", not options_now().no_motion)
+            render_samples(bpy.context, samples_file)
         samples = exr.read_samples(samples_file, tuple(options.layer) if options.layer else None)
         settings = cli.process_settings(options_now())
         settings = replace(settings, shutter=settings.shutter.over(panel_shutter(scene)))

@@ -20,7 +20,7 @@ def borrow_multilayer_exr(borrowed: Borrowed, scene: bpy.types.Scene) -> None:
         The scene.
     """
     image = scene.render.image_settings
-    values = {
+    values: dict[str, Any] = {
         "file_format": "OPEN_EXR_MULTILAYER",
         "color_mode": "RGBA",
         "color_depth": "32",
@@ -31,6 +31,9 @@ def borrow_multilayer_exr(borrowed: Borrowed, scene: bpy.types.Scene) -> None:
     # Blender 5.0 added the medium, which limits the formats and so comes first.
     if hasattr(image, "media_type"):
         values = {"media_type": "MULTI_LAYER_IMAGE", **values}
+    # Blender 5.0 cannot write several parts with pixels that are not square.
+    if hasattr(image, "use_exr_interleave") and scene.render.pixel_aspect_x != scene.render.pixel_aspect_y:
+        values["use_exr_interleave"] = True
     borrowed.set_all(image, values)
 
 

@@ -340,19 +340,23 @@ class _Sampler:
         return seen
 
     def _may_be_in_view(self, matrix: FloatArray, box: FloatArray) -> bool:
-        """Return whether a box, grown by its own size, reaches into the view at the rendered frame."""
+        """Return whether a box, grown by its own size, reaches into the view at the rendered frame.
+
+        The view is as large as the widest overscan makes it.
+        """
         size = box[1] - box[0]
         grown = box + _BOX_MARGIN * np.stack([-size, size])
         corners = grown[0] + _CORNERS * (grown[1] - grown[0])
         x, y, w = self._homogeneous(self.cameras[0.0], matrix, corners)
         film = self.camera.film
         # A pixel around for the reach of the pixel filter.
+        margin_x, margin_y = _LARGEST_MARGIN * film.columns + 1.0, _LARGEST_MARGIN * film.rows + 1.0
         outside = (
             w < 0.0,
-            x < -w,
-            x > (film.columns + 1.0) * w,
-            y < -w,
-            y > (film.rows + 1.0) * w,
+            x < -margin_x * w,
+            x > (film.columns + margin_x) * w,
+            y < -margin_y * w,
+            y > (film.rows + margin_y) * w,
             w > self.camera.clip_end,
         )
         return bool(matrix[:, :3].any()) and not any(side.all() for side in outside)

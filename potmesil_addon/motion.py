@@ -61,6 +61,9 @@ _LEAST_SIDE: Final = 2
 _PATH_STEPS: Final = 128
 """Pieces in which the path of an object is followed over the shutter's interval."""
 
+_SAME_DEPTH: Final = 0.02
+"""Change of an object's inverse depth, as a share of it, up to which one depth will do for it."""
+
 _MOST_OBJECTS: Final = 64
 """Objects above which each sample is given its own path: many small ones cost more one by one."""
 
@@ -68,7 +71,7 @@ _ALIKE: Final = 0.1
 """Pixels by which samples may leave their object's one path before each is given its own."""
 
 _MOSTLY: Final = 0.5
-"""Share of moving samples from which the whole picture is one sheet rather than a background with movers."""
+"""Share of the picture that moves from which all of it is one sheet rather than a background with movers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +224,7 @@ def prepare(layer: SampleLayer, samples: Samples, settings: MotionSettings) -> M
         return probe.motion([movers], background, mover_travel[np.newaxis], moving, "rendered")
     if not moves.any():
         return None
-    if moving > _MOSTLY:
+    if np.count_nonzero(moves) > _MOSTLY * samples.display_window.rows * samples.display_window.columns:
         return probe.motion([sheet], None, travel[np.newaxis], moving, "filled")
     movers, color, depth, guessed = cut_out_movers(layer, tracks, moves)
     background = background_of(samples, color, depth, guessed)
@@ -267,9 +270,7 @@ def expose_layer(
         for done in steps:
             yield done * (0.5 if objects else 1.0)
         if motion.background is None:
-            # What was never seen, beyond the samples' border, is filled in from what was.
-            seen = guessed < 1.0
-            picture[:] = filled_in(picture, seen, ~seen)
+            _complete(motion.samples, picture, guessed)
     else:
         picture[:] = motion.background.color
         guessed[:] = motion.background.guessed
@@ -282,6 +283,26 @@ def expose_layer(
     report = report_of(motion, layer, count, guessed)
     surfaces = np.unique(rest.surface[rest.sheets.track != NO_TRACK]).size
     return picture, guessed, replace(report, object_paths=len(objects), sample_paths=int(surfaces))
+
+
+def _complete(samples: Samples, picture: Float32Array, guessed: Float32Array) -> None:
+    """Fill in what no sample was seen at, and leave empty what the file has no data for."""
+    there = _has_data(samples)
+    seen = guessed < 1.0
+    if (there & ~seen).any():
+        picture[:] = filled_in(picture, seen & there, there & ~seen)
+    # Beyond its data a file is empty: what was not seen there at an instant was nothing.
+    picture[~there] *= (1.0 - guessed[~there])[:, np.newaxis]
+    guessed[~there] = 0.0
+
+
+def _has_data(samples: Samples) -> Mask:
+    """Return which pixels of the display window the file has samples for."""
+    data, display = samples.data_window, samples.display_window
+    inner = data.intersection(display)
+    there = np.zeros((display.rows, display.columns), dtype=bool)
+    there[inner.y0 - display.y0 : inner.y1 - display.y0, inner.x0 - display.x0 : inner.x1 - display.x0] = True
+    return there
 
 
 def instant_layer(
@@ -316,10 +337,12 @@ def instant_layer(
         (display.rows, display.columns),
         motion.settings.backend,
     )
-    nothing = iz < 0.0
+    there = _has_data(motion.samples)
+    nothing = (iz < 0.0) & there
     if nothing.any() and not nothing.all():
-        _, nearest = ndimage.distance_transform_edt(nothing, return_indices=True)
-        color, iz = color[tuple(nearest)], iz[tuple(nearest)]
+        _, nearest = ndimage.distance_transform_edt((iz < 0.0), return_indices=True)
+        color = np.where(nothing[..., np.newaxis], color[tuple(nearest)], color)
+        iz = np.where(nothing, iz[tuple(nearest)], iz)
         guessed = np.where(nothing, np.float32(1.0), guessed)
     with np.errstate(divide="ignore"):
         depth = np.asarray(1.0 / np.maximum(iz, 0.0), dtype=np.float32)
@@ -359,8 +382,16 @@ def _by_object(motion: Motion) -> tuple[list[MovingObject], bool, Motion]:
         return none, False, motion
     means = [_mean_sample(motion, part) for part in parts]
     paths = [_path_of_mean(motion, part, mean) for part, mean in zip(parts, means, strict=True)]
-    meets = meeting([part.box for part in parts], [path for path, _ in paths])
-    alike = _move_alike(motion, parts) if auto else np.ones(len(parts), dtype=bool)
+    alike, low, high = _swept(motion, parts)
+    for k, (path, _) in enumerate(paths):
+        # Between two instants that were looked at, and for all samples of an object given one path.
+        mean = means[k][:2]
+        first, last = path.segments.min(axis=(0, 1)) + mean, path.segments.max(axis=(0, 1)) + mean
+        half = 0.5 * np.array([parts[k].mask.shape[1], parts[k].mask.shape[0]])
+        low[k], high[k] = np.minimum(low[k], first - half), np.maximum(high[k], last + half)
+        # Its one depth in the time-and-depth buffer would not do.
+        alike[k] &= float(np.ptp(paths[k][1])) <= _SAME_DEPTH
+    meets = meeting(low, high)
     chosen = np.flatnonzero(~meets & alike) if auto else np.arange(len(parts))
     objects = []
     track, quads = motion.sheets.track.copy(), motion.sheets.quads.copy()
@@ -392,12 +423,6 @@ class _Part:
     sheet: int
     window: tuple[slice, slice]
     mask: Mask
-
-    @property
-    def box(self) -> tuple[int, int, int, int]:
-        """Top, left, bottom and right."""
-        rows, columns = self.window
-        return rows.start, columns.start, rows.stop, columns.stop
 
 
 def _parts(motion: Motion) -> list[_Part]:
@@ -449,17 +474,27 @@ def _path_of_mean(motion: Motion, part: _Part, mean: FloatArray) -> tuple[Expose
     return path_of(shutter, positions, places), np.interp(lit, positions, ratio)
 
 
-def _move_alike(motion: Motion, parts: list[_Part]) -> Mask:
-    """Return which objects' samples have one path each, to a tenth of a pixel."""
+def _swept(motion: Motion, parts: list[_Part]) -> tuple[Mask, FloatArray, FloatArray]:
+    """Look where objects go.
+
+    Returns
+    -------
+    alike : ndarray of bool of shape (objects,)
+        Whether an object's samples have one path, to a tenth of a pixel.
+    low, high : ndarray of float64 of shape (objects, 2)
+        Corners of the rectangles that they pass over.
+    """
     rest = _rest(motion.sheets)
     schedule = motion.schedule(_PROBES)
     alike = np.ones(len(parts), dtype=bool)
+    low, high = np.full((len(parts), 2), np.inf), np.full((len(parts), 2), -np.inf)
     for n in range(_PROBES):
         now = places(motion.sheets, schedule, n, motion.settings.backend)[..., :2]
         for k, part in enumerate(parts):
-            off = (now[part.sheet][part.window] - rest[part.window])[part.mask]
-            alike[k] &= bool((np.ptp(off, axis=0) <= 2.0 * _ALIKE).all())
-    return alike
+            at = now[part.sheet][part.window][part.mask]
+            alike[k] &= bool((np.ptp(at - rest[part.window][part.mask], axis=0) <= 2.0 * _ALIKE).all())
+            low[k], high[k] = np.minimum(low[k], at.min(axis=0)), np.maximum(high[k], at.max(axis=0))
+    return alike, low, high
 
 
 def _along(shutter: Shutter, x: float, y: float) -> float:
@@ -527,7 +562,8 @@ class _Probe:
         )
 
     def _stack(self, sheets: list[Sheet]) -> Sheets:
-        color = np.stack([sheet.color for sheet in sheets])
+        # The kernels read them as flat arrays.
+        color = np.ascontiguousarray(np.stack([sheet.color for sheet in sheets]))
         shape = color.shape[:3]
         return Sheets(
             color=color[np.newaxis],

@@ -411,7 +411,7 @@ def uniform_transfer(u: npt.ArrayLike, a: float, exposure: float = 1.0) -> npt.N
 
 
 def uniform_response(x: npt.ArrayLike, a: float, exposure: float = 1.0) -> FloatArray:
-    """Return the PSF of even motion: T / |a| between 0 and a, 0 elsewhere (1983, eq. 3-15).
+    """Return the PSF of even motion: ``T / |a|`` between 0 and a, 0 elsewhere (1983, eq. 3-15).
 
     Parameters
     ----------
@@ -441,10 +441,10 @@ def uniform_response(x: npt.ArrayLike, a: float, exposure: float = 1.0) -> Float
 def focal_plane_transfer(u: npt.ArrayLike, d: float) -> FloatArray:
     """Return the transfer function of a focal-plane shutter's slit (1983, eq. 3-16).
 
-    1 - |u| / d for |u| < d, and 0 beyond. This is the optical transfer function of a slit (Shack 1964): the
-    overlap of the slit with itself shifted by u, which is the blur of the slit itself as an aperture
-    across its width. That the slit travels, so that each part of the film has its own times, is no part
-    of it; `Shutter.slit` has it.
+    ``1 - |u| / d`` for ``|u| < d``, and 0 beyond. This is the optical transfer function of a slit (Shack
+    1964): the overlap of the slit with itself shifted by u, which is the blur of the slit itself as an
+    aperture across its width. That the slit travels, so that each part of the film has its own times,
+    is no part of it; `Shutter.slit` has it.
 
     Parameters
     ----------

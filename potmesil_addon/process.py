@@ -34,7 +34,7 @@ from .shutter import ShutterAttributes
 
 T = TypeVar("T")
 
-_STEP_OF_CIRCLE: Final = 0.25
+_STEP_OF_CIRCLE: Final = 0.125
 """Distance between the discs of a defocused moving sample, as a share of their diameter."""
 
 _LEAST_OPENING: Final = 1e-3

@@ -135,8 +135,9 @@ def cut_out_movers(
     covered = before & _within_outlines(surface, moves)
     hole = (band & ~before) | moves
     source = ~band & (depths <= depths[nearest] * (1.0 + DEPTH_STEP))
-    if not source.any():
-        source = ~band
+    for instead in (~band, ~moves, np.ones_like(moves)):
+        if not source.any():
+            source = instead
     filled = filled_in(np.dstack([layer.color, depths]), source, hole)
     behind = filled[..., :4]
     inner = ndimage.binary_erosion(moves, _AROUND, border_value=1)

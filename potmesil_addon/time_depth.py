@@ -104,7 +104,7 @@ def merge(
         output[:] = color / np.maximum(time, _NO_TIME)[..., np.newaxis]
         guessed[:] = 1.0 - np.minimum(time, 1.0)
         return
-    touched = time > 0.0
+    touched = (time > 0.0) | (color[..., 3] > 0.0)
     rest = np.maximum(1.0 - time[touched], 0.0)
     output[touched] = color[touched] + rest[:, np.newaxis] * background.color[touched]
     guessed[touched] = rest * background.guessed[touched]
@@ -189,10 +189,12 @@ def _deposit(
     time = np.where(there, np.minimum(bands[..., 3], 1.0), 0.0)
     kept = there.astype(np.float64)
     if background is not None:
-        # A surface at rest that stands before an object leaves it what shines through.
+        # A surface at rest that stands before an object keeps its time, and may let the object through.
         depth = np.divide(bands[..., 4], bands[..., 3], out=np.zeros_like(time), where=there)
-        hidden = depth < background.inverse_depth[window] * (1.0 - _SAME_DEPTH)
-        kept *= np.where(hidden, 1.0 - background.color[window][..., 3], 1.0)
+        hidden = there & (depth < background.inverse_depth[window] * (1.0 - _SAME_DEPTH))
+        through = np.where(hidden, 1.0 - background.color[window][..., 3], 0.0)
+        color[window] += bands[..., :4] * through[..., np.newaxis]
+        kept[hidden] = 0.0
     if ordered:
         free = np.maximum(1.0 - taken[window], 0.0)
         wanted = time * kept
@@ -201,27 +203,20 @@ def _deposit(
     taken[window] += time * kept
 
 
-def meeting(boxes: list[tuple[int, int, int, int]], paths: list[ExposedPath]) -> npt.NDArray[np.bool_]:
+def meeting(low: FloatArray, high: FloatArray) -> npt.NDArray[np.bool_]:
     """Return which objects' swept rectangles meet another's.
 
     Parameters
     ----------
-    boxes : list of (top, left, bottom, right)
-        Where each object is at the rendered frame, in pixels.
-    paths : list of ExposedPath
-        Their paths.
+    low, high : ndarray of float64 of shape (objects, 2)
+        Corners (x, y) of the rectangles in pixels.
 
     Returns
     -------
     ndarray of bool of shape (objects,)
         True for an object that may meet another.
     """
-    low = np.array([path.segments.min(axis=(0, 1)) for path in paths]) - 1.0
-    high = np.array([path.segments.max(axis=(0, 1)) for path in paths]) + 1.0
-    top, left, bottom, right = np.array(boxes, dtype=np.float64).T
-    left, right, top, bottom = left + low[:, 0], right + high[:, 0], top + low[:, 1], bottom + high[:, 1]
-    beside = left[:, np.newaxis] > right
-    above = top[:, np.newaxis] > bottom
+    beside, above = np.moveaxis(low[:, np.newaxis] > high + 2.0, -1, 0)
     meets = ~(beside | beside.T | above | above.T)
     np.fill_diagonal(meets, val=False)
     return np.asarray(meets.any(axis=1))

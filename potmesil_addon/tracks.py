@@ -22,6 +22,8 @@ _BOX_MARGIN: Final = 0.02
 _DEPTH_MARGIN: Final = 1e-4
 """The same as a share of the sample's distance."""
 
+_TIE: Final = 1e-3
+
 _NO_VECTOR: Final = 1e-3
 """Pixels below which a whole layer's vectors to one side count as not there."""
 
@@ -103,7 +105,7 @@ def _by_boxes(
     """Return the number (from 1) of the object in whose box each sample lies, 0 for none's."""
     assert layer.depth is not None
     shape = layer.depth.shape
-    best = np.full(shape, np.inf if all_move else 1.0)
+    best = np.full(shape, np.inf if all_move else 1.0 + 3.0 * _TIE)
     track = np.zeros(shape, dtype=np.int32)
     finite = np.isfinite(layer.depth) & (layer.color[..., 3] > 0.0)
     origin = sample_origin(samples)
@@ -127,8 +129,9 @@ def _by_boxes(
         scale = float(np.linalg.norm(path.at(0.0)[:3, :3], axis=0).min())
         half = 0.5 * (path.box[1] - path.box[0])
         margin = _BOX_MARGIN * half.max() + _DEPTH_MARGIN * depth[:, np.newaxis] / max(scale, 1e-12)
-        off = (np.abs(local - path.box.mean(axis=0)) / (half + margin)).max(axis=1)
-        off += other[rows, columns]
+        axes = np.abs(local - path.box.mean(axis=0)) / (half + margin)
+        # Where the worst axis tells nothing apart, the others do.
+        off = axes.max(axis=1) + _TIE * axes.sum(axis=1) + other[rows, columns]
         better = off < best[part][rows, columns]
         at = (rows[better] + (part[0].start or 0), columns[better] + (part[1].start or 0))
         best[at] = off[better]

@@ -186,8 +186,10 @@ def _places_numpy(sheets: Sheets, schedule: Schedule, n: int, s: int) -> FloatAr
         if axis >= 0:
             time += schedule.slit_rate * (moved[:, axis] - schedule.slit_middle)
         last_time, last_off = np.zeros(x.size), np.zeros(x.size)
+        gone = np.zeros(x.size, dtype=bool)
         for step in range(1 if axis < 0 else _SLIT_STEPS):
             moved = _moved_numpy(sheets, schedule, n, (s, k, at), rest, time)
+            gone |= moved[:, 2] < 0.0
             if axis >= 0:
                 off = schedule.times[n] + schedule.slit_rate * (moved[:, axis] - schedule.slit_middle) - time
                 known = (time != last_time) & (step > 0)
@@ -195,6 +197,7 @@ def _places_numpy(sheets: Sheets, schedule: Schedule, n: int, s: int) -> FloatAr
                 slope = np.where(np.abs(slope) > _LEAST_SLOPE, slope, -1.0)
                 last_time, last_off = time, off
                 time = time - off / slope
+        moved[gone, 2] = -1.0
         result[at] = moved
     return result
 
@@ -487,7 +490,7 @@ def _put(
     wins = first
     if not first and abs(iz - old_depth) <= _SAME_DEPTH * old_depth:
         # Two quads share an edge, or a surface meets itself: the more solid of the two is seen.
-        wins = a > old_alpha
+        wins = np.float32(a) > old_alpha
     if wins:
         stamp[at] = n
         fragments[f] = r
@@ -579,6 +582,8 @@ def _draw_row(
                     inside = u <= 1.0 + _INSIDE and v <= 1.0 + _INSIDE and u + v >= 1.0 - _INSIDE
                 if not inside:
                     continue
+                # What lies outside by rounding must not be extrapolated: beside a highlight it would show.
+                u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
                 wa, wb, wc, wd = (1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v
                 a, b, c, d = 4 * sa, 4 * sb, 4 * sc, 4 * sd
                 alpha = wa * color[a + 3] + wb * color[b + 3] + wc * color[c + 3] + wd * color[d + 3]
@@ -843,7 +848,7 @@ def _quad_fragments(
     u2, v2 = solve(c - d, b - d, x - d)
     u2, v2 = 1.0 - u2, 1.0 - v2
     second = (u2 <= 1.0 + _INSIDE) & (v2 <= 1.0 + _INSIDE) & (u2 + v2 >= 1.0 - _INSIDE)
-    u, v = np.where(first, u, u2), np.where(first, v, v2)
+    u, v = np.where(first, u, u2).clip(0.0, 1.0), np.where(first, v, v2).clip(0.0, 1.0)
     inside = first | second
     quad, i, j, u, v = quad[inside], i[inside], j[inside], u[inside], v[inside]
     weights = np.stack([(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v], axis=1)

@@ -42,7 +42,7 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
         name="Paths",
         description="Which path a sample of a moving object follows",
         items=(
-            ("auto", "Auto", "The object's path, or the sample's vector where the object changes its shape"),
+            ("auto", "Auto", "One path where all samples of an object move alike, else one for each sample"),
             (
                 "object",
                 "One Path per Object",
@@ -51,7 +51,7 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
             (
                 "vector",
                 "One Path per Sample",
-                "Every sample follows its vector",
+                "Each sample moves as its object and the camera do, or by its vector where shapes change",
             ),
         ),
         default="auto",

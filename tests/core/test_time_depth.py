@@ -235,11 +235,23 @@ def test_openings_of_a_multiple_exposure_stay_apart_when_split() -> None:
         assert part.light @ part.segments[:, 0, 0] / part.light.sum() == pytest.approx(x, abs=1e-9)
 
 
-def test_ways_that_meet_are_known() -> None:
-    boxes = [(2, 2, 4, 4), (2, 20, 4, 22), (30, 2, 33, 4)]
-    assert meeting(boxes, [REST, REST, REST]).tolist() == [False, False, False]
-    assert meeting(boxes, [line(0.0, 18.0), REST, REST]).tolist() == [True, True, False]
-    # Half the way each.
-    assert meeting(boxes, [line(0.0, 9.0), line(0.0, -9.0), REST]).tolist() == [True, True, False]
-    down = ExposedPath.polyline([[0.0, 0.0], [0.0, 28.0]], [1.0])
-    assert meeting(boxes, [down, REST, REST]).tolist() == [True, False, True]
+def test_rectangles_that_meet_are_known() -> None:
+    """Side by side with less than two pixels between them counts: each blurs over one more."""
+    low, high = (
+        np.array([[2.0, 2.0], [20.0, 2.0], [2.0, 30.0]]),
+        np.array([[4.0, 4.0], [22.0, 4.0], [4.0, 33.0]]),
+    )
+    assert meeting(low, high).tolist() == [False, False, False]
+    right, down = (
+        np.array([[14.5, 0.0], [0.0, 0.0], [0.0, 0.0]]),
+        np.array([[0.0, 28.0], [0.0, 0.0], [0.0, 0.0]]),
+    )
+    assert meeting(low, high + right).tolist() == [True, True, False]
+    assert meeting(low, high + down).tolist() == [True, False, True]
+    # Two go half the way each.
+    there, back = (
+        np.array([[8.0, 0.0], [0.0, 0.0], [0.0, 0.0]]),
+        np.array([[0.0, 0.0], [-8.0, 0.0], [0.0, 0.0]]),
+    )
+    assert meeting(low + back, high + there).tolist() == [True, True, False]
+    assert meeting(low[:1], high[:1]).tolist() == [False]
