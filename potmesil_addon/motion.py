@@ -25,6 +25,7 @@ from .sheets import (
     Sheet,
     background_of,
     corners_averaged,
+    covered_movers,
     cut_out_movers,
     filled_in,
     join,
@@ -198,30 +199,16 @@ def prepare(layer: SampleLayer, samples: Samples, settings: MotionSettings) -> M
     # A single row or column of samples has nothing between them to draw.
     if tracks is None or min(layer.color.shape[:2]) < _LEAST_SIDE:
         return None
-    sheet = whole_sheet(layer, tracks)
     probe = _Probe(samples, settings, tracks.paths)
+    sheet = whole_sheet(layer, tracks)
     moves, travel = probe.moves(sheet)
     moving = float(moves.mean())
-    stationary, alone = layer.stationary, layer.moving
-    alone_tracks = None
-    if stationary is not None and alone is not None and alone.depth is not None and samples.paths is not None:
-        alone_tracks = assign_tracks(alone, samples, all_move=True)
-    if stationary is not None and alone is not None and alone_tracks is not None:
-        movers = rendered_movers(alone, alone_tracks)
-        mover_moves, mover_travel = probe.moves(movers)
-        world_tracks = replace(tracks, track=np.where(tracks.track == NO_TRACK, NO_TRACK, 0).astype(np.int32))
-        world = whole_sheet(stationary, world_tracks)
-        world_moves, world_travel = probe.moves(world)
-        if world_moves.any():
-            both = [world, movers]
-            return probe.motion(both, None, np.stack([world_travel, mover_travel]), moving, "rendered")
-        if not mover_moves.any():
-            return None
-        shown = alone.color[..., 3:] > 0.0
-        background = background_of(
-            samples, np.where(shown, stationary.color, layer.color), world.inverse_depth, world.guessed
-        )
-        return probe.motion([movers], background, mover_travel[np.newaxis], moving, "rendered")
+    if layer.stationary is not None and layer.moving is not None and samples.paths is not None:
+        alone = assign_tracks(layer.moving, samples, all_move=True)
+        if alone is not None and layer.moving.depth is not None:
+            world = replace(tracks, track=np.where(tracks.track == NO_TRACK, NO_TRACK, 0).astype(np.int32))
+            views = rendered_movers(layer.moving, alone), whole_sheet(layer.stationary, world)
+            return _from_views(probe, layer, *views, moving)
     if not moves.any():
         return None
     if np.count_nonzero(moves) > _MOSTLY * samples.display_window.rows * samples.display_window.columns:
@@ -229,6 +216,28 @@ def prepare(layer: SampleLayer, samples: Samples, settings: MotionSettings) -> M
     movers, color, depth, guessed = cut_out_movers(layer, tracks, moves)
     background = background_of(samples, color, depth, guessed)
     return probe.motion([movers], background, np.where(moves, travel, 0.0)[np.newaxis], moving, "filled")
+
+
+def _from_views(
+    probe: _Probe, layer: SampleLayer, movers: Sheet, world: Sheet, moving: float
+) -> Motion | None:
+    """Return a layer whose moving objects and what they hide were rendered apart, None where all rests."""
+    assert layer.moving is not None
+    mover_moves, mover_travel = probe.moves(movers)
+    world_moves, world_travel = probe.moves(world)
+    if not (world_moves.any() or mover_moves.any()):
+        return None
+    sheets, travel = [movers], [mover_travel]
+    behind = covered_movers(movers)
+    if behind is not None:
+        sheets.append(behind)
+        travel.append(probe.moves(behind)[1])
+    if world_moves.any():
+        return probe.motion([world, *sheets], None, np.stack([world_travel, *travel]), moving, "rendered")
+    # Where no mover is seen the ordinary picture is kept to the bit.
+    color = np.where(layer.moving.color[..., 3:] > 0.0, world.color, layer.color)
+    background = background_of(probe.samples, color, world.inverse_depth, world.guessed)
+    return probe.motion(sheets, background, np.stack(travel), moving, "rendered")
 
 
 def expose_layer(
@@ -263,7 +272,7 @@ def expose_layer(
     objects, together, rest = _by_object(motion)
     count = instants_for(motion.longest)
     others = bool(rest.sheets.quads.any())
-    if others or motion.background is None:
+    if others or not objects:
         steps = expose(
             rest.sheets, motion.schedule(count), motion.background, picture, guessed, motion.settings.backend
         )
@@ -271,7 +280,7 @@ def expose_layer(
             yield done * (0.5 if objects else 1.0)
         if motion.background is None:
             _complete(motion.samples, picture, guessed)
-    else:
+    elif motion.background is not None:
         picture[:] = motion.background.color
         guessed[:] = motion.background.guessed
     if objects:
@@ -509,7 +518,7 @@ class _Probe:
     def __init__(
         self, samples: Samples, settings: MotionSettings, paths: tuple[ObjectPath | None, ...]
     ) -> None:
-        self._samples = samples
+        self.samples = samples
         self._settings = settings
         self._paths = paths
         self._schedule = _schedule(samples, settings.shutter, paths, np.linspace(0.0, 1.0, _PROBES))
@@ -558,7 +567,7 @@ class _Probe:
         )
         surface = np.stack([sheet.surface for sheet in sheets])
         return Motion(
-            stacked, background, self._samples, self._settings, self._paths, surface, travel, moving, hidden
+            stacked, background, self.samples, self._settings, self._paths, surface, travel, moving, hidden
         )
 
     def _stack(self, sheets: list[Sheet]) -> Sheets:
@@ -573,8 +582,8 @@ class _Probe:
             acceleration=np.stack([sheet.tracks.acceleration for sheet in sheets]),
             guessed=np.stack([sheet.guessed for sheet in sheets]),
             quads=np.zeros((shape[0], shape[1] - 1, shape[2] - 1), dtype=np.uint8),
-            origin_x=sample_origin(self._samples)[0],
-            origin_y=sample_origin(self._samples)[1],
+            origin_x=sample_origin(self.samples)[0],
+            origin_y=sample_origin(self.samples)[1],
         )
 
 

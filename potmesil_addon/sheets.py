@@ -44,6 +44,11 @@ _PIXEL_FILTER: Final = (0.25, 0.5, 0.25)
 _LEAST_OUTLINE: Final = 3
 """Pixels, each way, below which an object has no outline to speak of."""
 
+_MOST_OUTLINES: Final = 64
+"""Objects above which none is completed behind another; many small ones hide little of each other."""
+
+_SOLID: Final = 0.5
+
 _AROUND: Final = ndimage.generate_binary_structure(2, 2)
 
 
@@ -170,22 +175,85 @@ def cut_out_movers(
     )
 
 
+def covered_movers(sheet: Sheet) -> Sheet | None:
+    """Fill in what nearer moving objects hide of farther ones.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        Moving objects.
+
+    Returns
+    -------
+    Sheet or None
+        Of each object the part within its convex outline that another one covers, in its own colours and
+        at its own depth, with the samples beside it; ``None`` where none covers another.
+    """
+    there = (sheet.tracks.track != NO_TRACK) & (sheet.color[..., 3] > _SOLID)
+    numbers = np.unique(sheet.surface[there])
+    if not 1 < numbers.size <= _MOST_OUTLINES:
+        return None
+    color, iz = sheet.color.copy(), sheet.inverse_depth.copy()
+    taken = np.full(there.shape, -1.0, dtype=np.float32)
+    source = np.indices(there.shape, dtype=np.int64)
+    covered, rim = np.zeros(there.shape, dtype=bool), np.zeros(there.shape, dtype=bool)
+    for number in numbers:
+        own = there & (sheet.surface == number)
+        found = _outline(own)
+        if found is None:
+            continue
+        part, inside = found
+        mine, others = own[part], there[part] & ~own[part]
+        nearest = ndimage.distance_transform_edt(~mine, return_indices=True, return_distances=False)
+        depth = sheet.inverse_depth[part][tuple(nearest)]
+        hidden = inside & others & (sheet.inverse_depth[part] > depth * (1.0 + DEPTH_STEP))
+        hidden &= depth > taken[part]
+        if not hidden.any():
+            continue
+        # Colours at the cover's edge are mixed with it.
+        known = mine & ~ndimage.binary_dilation(hidden, _AROUND, _EDGE)
+        filled = filled_in(sheet.color[part], known if known.any() else mine, hidden)
+        color[part][hidden], iz[part][hidden] = filled[hidden], depth[hidden]
+        taken[part][hidden] = depth[hidden]
+        for axis in (0, 1):
+            source[axis][part][hidden] = nearest[axis][hidden] + part[axis].start
+        covered[part] |= hidden
+        rim[part] |= mine & ndimage.binary_dilation(hidden, _AROUND)
+    if not covered.any():
+        return None
+    indices = (source[0], source[1])
+    return Sheet(
+        color,
+        iz,
+        sheet.tracks.select(indices, covered | rim),
+        covered.astype(np.float32),
+        sheet.surface[indices],
+    )
+
+
 def _within_outlines(surface: npt.NDArray[np.int64], moves: Mask) -> Mask:
     """Return which pixels lie within the convex outline of an object that moves."""
     inside = np.zeros(moves.shape, dtype=bool)
     for number in np.unique(surface[moves]):
-        points = np.argwhere(moves & (surface == number))
-        low, high = points.min(axis=0), points.max(axis=0) + 1
-        if min(high - low) < _LEAST_OUTLINE:
-            continue
-        try:
-            outline = spatial.ConvexHull(points)
-        except spatial.QhullError:  # all in one line
-            continue
-        part = (slice(low[0], high[0]), slice(low[1], high[1]))
-        grid = np.moveaxis(np.indices(high - low), 0, -1) + low
-        inside[part] |= (grid @ outline.equations[:, :2].T + outline.equations[:, 2] <= 0.0).all(axis=2)
+        found = _outline(moves & (surface == number))
+        if found is not None:
+            inside[found[0]] |= found[1]
     return inside
+
+
+def _outline(mask: Mask) -> tuple[tuple[slice, slice], Mask] | None:
+    """Return the convex outline of some pixels, filled, on the rectangle around them."""
+    points = np.argwhere(mask)
+    low, high = points.min(axis=0), points.max(axis=0) + 1
+    if min(high - low) < _LEAST_OUTLINE:
+        return None
+    try:
+        outline = spatial.ConvexHull(points)
+    except spatial.QhullError:  # all in one line
+        return None
+    grid = np.moveaxis(np.indices(high - low), 0, -1) + low
+    inside = (grid @ outline.equations[:, :2].T + outline.equations[:, 2] <= 0.0).all(axis=2)
+    return (slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))), np.asarray(inside)
 
 
 def join(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from potmesil_addon.samples import SampleLayer, Samples, Window
 from potmesil_addon.sheets import (
     DEPTH_STEP,
     Sheet,
+    covered_movers,
     cut_out_movers,
     filled_in,
     inverse_depth,
@@ -340,3 +342,34 @@ def test_windows_apart_show_nothing() -> None:
         (SampleLayer("", np.zeros((2, 2, 4), np.float32)),), Window(50, 50, 52, 52), Window(0, 0, 4, 3)
     )
     assert not on_display(samples, np.ones((2, 2), np.float32)).any()
+
+
+def test_what_one_mover_hides_of_another_is_filled_in() -> None:
+    """A near square before the middle of a far bar: the bar goes on behind it, in its color."""
+    shape = (24, 40)
+    rows, columns = np.indices(shape)
+    bar = (abs(rows - 11.5) < 6) & (abs(columns - 19.5) < 16)
+    square = (abs(rows - 11.5) < 4) & (abs(columns - 19.5) < 5)
+    track = np.where(square, 1, np.where(bar, 2, NO_TRACK))
+    depth = np.where(square, 2.0, 5.0).astype(np.float32)
+    sheet = sheet_of(depth, track, track)
+    color = np.zeros((*shape, 4), dtype=np.float32)
+    color[bar] = (0.1, 0.2, 0.8, 1.0)
+    color[square] = (0.9, 0.5, 0.1, 1.0)
+    hidden = covered_movers(replace(sheet, color=color))
+    assert hidden is not None
+    filled = hidden.guessed > 0.0
+    assert np.array_equal(filled, square)
+    assert np.allclose(hidden.color[square], (0.1, 0.2, 0.8, 1.0), atol=1e-6)
+    assert np.allclose(hidden.inverse_depth[square], 0.2)
+    assert (hidden.tracks.track[square] == 2).all()
+    # Joined to what is seen of the bar, and nothing else.
+    assert set(np.unique(hidden.tracks.track)) == {NO_TRACK, 2}
+    assert covered_movers(replace(sheet, color=color, inverse_depth=np.float32(1.0) / (7.0 - depth))) is None
+
+
+def test_movers_beside_each_other_hide_nothing() -> None:
+    track = np.full((12, 20), NO_TRACK)
+    track[2:10, 2:8], track[2:10, 9:18] = 1, 2
+    sheet = sheet_of(np.where(track == 1, 2.0, 5.0).astype(np.float32), track, track)
+    assert covered_movers(replace(sheet, color=np.ones((12, 20, 4), dtype=np.float32))) is None
