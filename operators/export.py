@@ -150,11 +150,11 @@ def export_samples(
         for suffix, prepare in views.items():
             with Borrowed() as own:
                 prepare(own)
-                yield from _scaled(render(), start, share)
+                yield from scaled(render(), start, share)
                 companions[suffix] = Path(folder) / f"companion_{len(companions)}.exr"
                 _save_render(scene, companions[suffix])
             start += share
-        yield from _scaled(render(), start, share)
+        yield from scaled(render(), start, share)
         rendered = Path(folder) / "render.exr"
         _save_render(scene, rendered)
         attributes = exr.camera_attributes(motion.camera, motion.lens, motion.shutter)
@@ -213,11 +213,6 @@ def borrow_overscan(borrowed: Borrowed, scene: bpy.types.Scene, motion: SampledM
     borrowed.set(camera, "shift_x", -shift_x / width)
     borrowed.set(camera, "shift_y", -shift_y / width)
     return margin_x, margin_y
-
-
-def _scaled(steps: Iterator[float], start: float, share: float) -> Iterator[float]:
-    for done in steps:
-        yield start + share * done
 
 
 def _leave_alone(borrowed: Borrowed, scene: bpy.types.Scene, motion: SampledMotion) -> None:
