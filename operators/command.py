@@ -130,12 +130,13 @@ def _render(
         else:
             template = Path(bpy.path.abspath(options.samples)).absolute()
             samples_file = frame_path(template, frame, several=len(frames) > 1)
+        current = options_now()
         with Borrowed() as borrowed:
             # Without motion blur nothing that only it needs is rendered.
-            borrowed.set(scene.potmesil_camera, "use_motion", not options_now().no_motion)
+            borrowed.set(scene.potmesil_camera, "use_motion", not current.no_motion)
             render_samples(bpy.context, samples_file)
         samples = exr.read_samples(samples_file, tuple(options.layer) if options.layer else None)
-        settings = cli.process_settings(options_now())
+        settings = cli.process_settings(current)
         settings = replace(settings, shutter=settings.shutter.over(panel_shutter(scene)))
         result = run(process(samples, settings))
         target = frame_path(output, frame, several=len(frames) > 1)

@@ -570,7 +570,7 @@ def _process(options: argparse.Namespace) -> int:
     samples = exr.read_samples(options.input, tuple(options.layer) if options.layer else None)
     exposure = settings.shutter.over(samples.shutter).resolve() if settings.use_motion else None
     asked = exposure is not None and (settings.shutter.frames or settings.shutter.needs_length)
-    if asked and samples.paths is None and all(layer.vector is None for layer in samples.layers):
+    if asked and not samples.knows_motion:
         raise InputError(
             f"'{options.input}' has neither motion paths nor a vector pass, which a shutter needs; "
             "render with the Vector pass or leave out the shutter's options."

@@ -113,9 +113,7 @@ def read_raw(path: Path) -> RawFile:
         if isinstance(view, str):
             part_name = part_name.removesuffix(f"-{view}")
         for name, channel in part.channels.items():
-            full = name
-            if len(file.parts) > 1 and part_name and not name.startswith(f"{part_name}."):
-                full = f"{part_name}.{name}"
+            full = _full_name(part_name if len(file.parts) > 1 else "", name)
             if isinstance(view, str) and view not in full.split("."):
                 # Where a part is one view's, Blender names the view in the part and not in the channel.
                 prefix, dot, component = full.rpartition(".")
@@ -311,6 +309,11 @@ def _overscanned(header: Mapping[str, Any], margins: npt.NDArray[np.int32]) -> d
     }
 
 
+def _full_name(part: str, channel: str) -> str:
+    """Return a channel's name with its part's, which Blender may leave out, before it."""
+    return channel if not part or channel.startswith(f"{part}.") else f"{part}.{channel}"
+
+
 def _add_companion(file: Any, other: Any, suffix: str) -> list[Any]:
     """Add another file's layers, a suffix to their names, to a file's only part, or return parts to add.
 
@@ -323,7 +326,7 @@ def _add_companion(file: Any, other: Any, suffix: str) -> list[Any]:
     for part in other.parts:
         part_name = "" if single else str(part.header.get("name", ""))
         for name, channel in part.channels.items():
-            full = name if not part_name or name.startswith(f"{part_name}.") else f"{part_name}.{name}"
+            full = _full_name(part_name, name)
             named.append((part, full, parse_channel(full, views), channel))
     # Without a depth it is a picture of the compositor's or the denoiser's.
     layers = {parsed.layer for _, _, parsed, _ in named if parsed.name == "depth" and not parsed.other_view}

@@ -141,7 +141,7 @@ def focus_layer(
     )
     for done in scatter(work, target, settings.backend):
         yield 0.05 + 0.95 * done
-    picture[seen.y0 - display.y0 : seen.y1 - display.y0, seen.x0 - display.x0 : seen.x1 - display.x0] = target
+    picture[seen.within(display)] = target
     return picture, _report(layer.name, depth, samples, settings, tables)
 
 

@@ -62,7 +62,7 @@ _LEAST_SIDE: Final = 2
 _PATH_STEPS: Final = 128
 """Pieces in which the path of an object is followed over the shutter's interval."""
 
-_SAME_DEPTH: Final = 0.02
+_DEPTH_KEPT: Final = 0.02
 """Change of an object's inverse depth, as a share of it, up to which one depth will do for it."""
 
 _MOST_OBJECTS: Final = 64
@@ -206,7 +206,7 @@ def prepare(layer: SampleLayer, samples: Samples, settings: MotionSettings) -> M
     if layer.stationary is not None and layer.moving is not None and samples.paths is not None:
         alone = assign_tracks(layer.moving, samples, all_move=True)
         if alone is not None and layer.moving.depth is not None:
-            world = replace(tracks, track=np.where(tracks.track == NO_TRACK, NO_TRACK, 0).astype(np.int32))
+            world = replace(tracks, track=np.zeros_like(tracks.track))
             views = rendered_movers(layer.moving, alone), whole_sheet(layer.stationary, world)
             return _from_views(probe, layer, *views, moving)
     if not moves.any():
@@ -307,10 +307,9 @@ def _complete(samples: Samples, picture: Float32Array, guessed: Float32Array) ->
 
 def _has_data(samples: Samples) -> Mask:
     """Return which pixels of the display window the file has samples for."""
-    data, display = samples.data_window, samples.display_window
-    inner = data.intersection(display)
+    display = samples.display_window
     there = np.zeros((display.rows, display.columns), dtype=bool)
-    there[inner.y0 - display.y0 : inner.y1 - display.y0, inner.x0 - display.x0 : inner.x1 - display.x0] = True
+    there[samples.data_window.intersection(display).within(display)] = True
     return there
 
 
@@ -399,7 +398,7 @@ def _by_object(motion: Motion) -> tuple[list[MovingObject], bool, Motion]:
         half = 0.5 * np.array([parts[k].mask.shape[1], parts[k].mask.shape[0]])
         low[k], high[k] = np.minimum(low[k], first - half), np.maximum(high[k], last + half)
         # Its one depth in the time-and-depth buffer would not do.
-        alike[k] &= float(np.ptp(paths[k][1])) <= _SAME_DEPTH
+        alike[k] &= float(np.ptp(paths[k][1])) <= _DEPTH_KEPT
     meets = meeting(low, high)
     chosen = np.flatnonzero(~meets & alike) if auto else np.arange(len(parts))
     objects = []
@@ -476,7 +475,7 @@ def _path_of_mean(motion: Motion, part: _Part, mean: FloatArray) -> tuple[Expose
     else:
         world = motion.samples.paths
         assert world is not None
-        h = world.reprojections(motion.paths[track], times) @ np.array([mean[0], mean[1], 1.0, mean[2]])
+        h = world.reprojection(motion.paths[track], times) @ np.array([mean[0], mean[1], 1.0, mean[2]])
         w = np.maximum(h[:, 2:], 1e-6)
         places, ratio = h[:, :2] / w - mean[:2], 1.0 / w[:, 0]
     lit = shutter.times((np.arange(_PATH_STEPS) + 0.5) / _PATH_STEPS)
@@ -604,7 +603,7 @@ def _schedule(
     times = shutter.frame_times(positions)
     slit = shutter.slit
     if slit is None or slit.width == 1.0 or shutter.length == 0.0:
-        matrices = np.stack([world.reprojections(path, times) for path in paths])
+        matrices = np.stack([world.reprojection(path, times) for path in paths])
         return Schedule(times, np.ascontiguousarray(matrices))
     begin, end = shutter.interval
     display = samples.display_window
@@ -612,7 +611,7 @@ def _schedule(
     size = display.columns if axis == 0 else display.rows
     rate = (end - begin) * (1.0 - slit.width) / size
     grid = np.linspace(begin, end, _SLIT_GRID)
-    matrices = np.stack([world.reprojections(path, grid) for path in paths])
+    matrices = np.stack([world.reprojection(path, grid) for path in paths])
     return Schedule(
         times=times,
         matrices=np.ascontiguousarray(matrices),

@@ -40,11 +40,9 @@ class CameraPath:
         """Whether the picture of a scene at rest changes."""
         return self.times.size > 1
 
-    def at(self, time: float) -> FloatArray:
-        """Return the 4x4 matrix at a time: world to (x'' w'', y'' w'', w'', 1)."""
-        matrix = np.identity(4)
-        matrix[:3] = interpolated(self.times, self.matrices, time)
-        return matrix
+    def at(self, time: npt.ArrayLike) -> FloatArray:
+        """Return the 4x4 matrix at one or more times: world to (x'' w'', y'' w'', w'', 1)."""
+        return _square(interpolated(self.times, self.matrices, time))
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +72,9 @@ class ObjectPath:
     box: FloatArray
     deforming: bool = False
 
-    def at(self, time: float) -> FloatArray:
-        """Return the 4x4 matrix at a time: object to world."""
-        matrix = np.identity(4)
-        matrix[:3] = interpolated(self.times, self.matrices, time)
-        return matrix
+    def at(self, time: npt.ArrayLike) -> FloatArray:
+        """Return the 4x4 matrix at one or more times: object to world."""
+        return _square(interpolated(self.times, self.matrices, time))
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,34 +92,26 @@ class MotionPaths:
     camera: CameraPath
     objects: tuple[ObjectPath, ...] = ()
 
-    def reprojection(self, path: ObjectPath | None, time: float) -> FloatArray:
-        """Return where points seen at the rendered frame are at another time.
+    def reprojection(self, path: ObjectPath | None, time: npt.ArrayLike) -> FloatArray:
+        """Return where points seen at the rendered frame are at other times.
 
         Parameters
         ----------
         path : ObjectPath or None
             The object that they belong to; ``None`` for a scene at rest.
-        time : float
+        time : array_like
             Frames from the rendered frame.
 
         Returns
         -------
-        ndarray of float64 of shape (3, 4)
+        ndarray of float64, the shape of `time` and then (3, 4)
             Takes (x, y, 1, 1/z) of the rendered frame to (x' s, y' s, s), where s = z' / z. Points at
             infinity (1/z = 0) need no care.
         """
         moved = self.camera.at(time)
         if path is not None:
             moved = moved @ path.at(time) @ np.linalg.inv(path.at(0.0))
-        return np.asarray((moved @ np.linalg.inv(self.camera.at(0.0)))[:3])
-
-    def reprojections(self, path: ObjectPath | None, times: FloatArray) -> FloatArray:
-        """Return `reprojection` at several times, (n, 3, 4)."""
-        moved = _square(_interpolated_all(self.camera.times, self.camera.matrices, times))
-        if path is not None:
-            there = _square(_interpolated_all(path.times, path.matrices, times))
-            moved = moved @ there @ np.linalg.inv(path.at(0.0))
-        return np.asarray((moved @ np.linalg.inv(self.camera.at(0.0)))[:, :3])
+        return np.asarray((moved @ np.linalg.inv(self.camera.at(0.0)))[..., :3, :])
 
     def to_json(self) -> str:
         """Return the text of the ``potmesil:motion`` attribute."""
@@ -191,27 +179,21 @@ class MotionPaths:
         return paths
 
 
-def interpolated(times: FloatArray, values: FloatArray, time: float) -> FloatArray:
+def interpolated(times: FloatArray, values: FloatArray, time: npt.ArrayLike) -> FloatArray:
     """Return an array between stored times, linearly; before the first and after the last, extended."""
+    time = np.asarray(time, dtype=np.float64)
     if times.size == 1:
-        return np.asarray(values[0])
-    k = int(np.clip(np.searchsorted(times, time) - 1, 0, times.size - 2))
+        return np.broadcast_to(values[0], time.shape + values.shape[1:])
+    k = np.clip(np.searchsorted(times, time) - 1, 0, times.size - 2)
     share = (time - times[k]) / (times[k + 1] - times[k])
-    return np.asarray((1.0 - share) * values[k] + share * values[k + 1])
-
-
-def _interpolated_all(times: FloatArray, values: FloatArray, wanted: FloatArray) -> FloatArray:
-    if times.size == 1:
-        return np.repeat(values[:1], wanted.size, axis=0)
-    k = np.clip(np.searchsorted(times, wanted) - 1, 0, times.size - 2)
-    share = ((wanted - times[k]) / (times[k + 1] - times[k]))[:, np.newaxis, np.newaxis]
+    share = share.reshape(time.shape + (1,) * (values.ndim - 1))
     return np.asarray((1.0 - share) * values[k] + share * values[k + 1])
 
 
 def _square(matrices: FloatArray) -> FloatArray:
     """Return 4x4 matrices from their first three rows."""
-    last = np.broadcast_to([[[0.0, 0.0, 0.0, 1.0]]], (matrices.shape[0], 1, 4))
-    return np.concatenate([matrices, last], axis=1)
+    last = np.broadcast_to([[0.0, 0.0, 0.0, 1.0]], (*matrices.shape[:-2], 1, 4))
+    return np.concatenate([matrices, last], axis=-2)
 
 
 def thinned(

@@ -28,7 +28,7 @@ from .motion import (
 )
 from .psf import PsfSettings
 from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window
-from .scatter import Backend
+from .scatter import Backend, uses_numba
 from .sheets import on_display
 from .shutter import ShutterAttributes
 
@@ -164,7 +164,7 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
         "motion": [asdict(layer.motion) for layer in done if layer.motion is not None],
         "repaired": samples.repaired,
         "threads": jit.set_thread_count(None),
-        "compiled": jit.HAVE_NUMBA and settings.backend != "numpy",
+        "compiled": uses_numba(settings.backend),
         "seconds": time.perf_counter() - started,
     }
     yield 1.0
@@ -205,7 +205,7 @@ def _cascade(moving: Motion, layer: SampleLayer, focus: FocusSettings) -> Genera
     A sample that is out of focus may take longer steps: its discs overlap.
     """
     samples = replace(moving.samples, data_window=moving.samples.display_window, position="center")
-    circles = _circles(moving.sheets.inverse_depth, focus) / (focus.film.pitch_x)
+    circles = _circles(moving.sheets.inverse_depth, focus) / focus.film.pitch_x
     steps = moving.travel / np.maximum(1.0, _STEP_OF_CIRCLE * circles)
     count = instants_for(float(steps.max(initial=0.0)))
     schedule, openings = moving.schedule(count), moving.opening(count)
@@ -349,7 +349,7 @@ def motion_settings(samples: Samples, settings: ProcessSettings) -> MotionSettin
         if settings.shutter.needs_length:
             raise SettingsError("The file does not say how long the shutter is open; give --shutter.")
         return None
-    if samples.paths is None and all(layer.vector is None for layer in samples.layers):
+    if not samples.knows_motion:
         return None
     return MotionSettings(shutter, settings.motion_model, settings.backend)
 

@@ -40,6 +40,11 @@ class Window:
         x0, y0 = max(self.x0, other.x0), max(self.y0, other.y0)
         return Window(x0, y0, max(x0, min(self.x1, other.x1)), max(y0, min(self.y1, other.y1)))
 
+    def within(self, outer: Window) -> tuple[slice, slice]:
+        """Return the rows and columns of an outer window's pixels that this one is."""
+        rows = slice(self.y0 - outer.y0, self.y1 - outer.y0)
+        return rows, slice(self.x0 - outer.x0, self.x1 - outer.x0)
+
 
 @dataclass(frozen=True, slots=True)
 class SampleLayer:
@@ -132,6 +137,11 @@ class Samples:
     paths: MotionPaths | None = None
     repaired: dict[str, int] = field(default_factory=dict)
     attributes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def knows_motion(self) -> bool:
+        """Whether paths or a vector pass say what moves."""
+        return self.paths is not None or any(layer.vector is not None for layer in self.layers)
 
 
 def repair(values: Float32Array, broken: npt.NDArray[np.bool_]) -> int:

@@ -65,6 +65,19 @@ class Scatter:
     shape: tuple[int, int]
 
 
+def uses_numba(backend: Backend) -> bool:
+    """Return whether a backend means the compiled kernels here.
+
+    Raises
+    ------
+    RuntimeError
+        If numba is asked for and missing.
+    """
+    if backend == "numba" and not jit.HAVE_NUMBA:
+        raise RuntimeError("numba is not available.")
+    return jit.HAVE_NUMBA and backend != "numpy"
+
+
 def scatter(work: Scatter, output: Float32Array, backend: Backend = "auto") -> Iterator[float]:
     """Scatter samples into pixels and divide by the weights, a few bands at a time.
 
@@ -87,9 +100,7 @@ def scatter(work: Scatter, output: Float32Array, backend: Backend = "auto") -> I
     RuntimeError
         If numba is asked for and missing.
     """
-    if backend == "numba" and not jit.HAVE_NUMBA:
-        raise RuntimeError("numba is not available.")
-    if backend == "numpy" or not jit.HAVE_NUMBA:
+    if not uses_numba(backend):
         yield from _scatter_numpy(work, output)
         return
     tables, assignment = work.tables, work.assignment

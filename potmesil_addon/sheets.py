@@ -318,9 +318,7 @@ def on_display(samples: Samples, values: npt.NDArray[np.float32]) -> npt.NDArray
     covered = Window(data.x0, data.y0, data.x0 + values.shape[1], data.y0 + values.shape[0])
     seen = covered.intersection(display)
     pixels = np.zeros((display.rows, display.columns, *values.shape[2:]), dtype=np.float32)
-    pixels[seen.y0 - display.y0 : seen.y1 - display.y0, seen.x0 - display.x0 : seen.x1 - display.x0] = values[
-        seen.y0 - data.y0 : seen.y1 - data.y0, seen.x0 - data.x0 : seen.x1 - data.x0
-    ]
+    pixels[seen.within(display)] = values[seen.within(covered)]
     return pixels
 
 

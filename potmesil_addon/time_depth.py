@@ -18,10 +18,7 @@ import numpy.typing as npt
 from .lens import FloatArray
 from .motion_psf import ExposedPath, convolve_full, motion_psf
 from .samples import Float32Array
-from .warp import Background
-
-_SAME_DEPTH: Final = 1e-3
-"""Relative difference of inverse depths up to which an object counts as before what is at rest."""
+from .warp import SAME_DEPTH, Background
 
 _NO_TIME: Final = 1e-6
 """Share of the exposure that counts as none; the frequency domain leaves about 1e-15 everywhere."""
@@ -191,7 +188,7 @@ def _deposit(
     if background is not None:
         # A surface at rest that stands before an object keeps its time, and may let the object through.
         depth = np.divide(bands[..., 4], bands[..., 3], out=np.zeros_like(time), where=there)
-        hidden = there & (depth < background.inverse_depth[window] * (1.0 - _SAME_DEPTH))
+        hidden = there & (depth < background.inverse_depth[window] * (1.0 - SAME_DEPTH))
         through = np.where(hidden, 1.0 - background.color[window][..., 3], 0.0)
         color[window] += bands[..., :4] * through[..., np.newaxis]
         kept[hidden] = 0.0

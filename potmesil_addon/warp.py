@@ -20,7 +20,7 @@ import numpy.typing as npt
 from . import jit
 from .lens import FloatArray
 from .samples import Float32Array
-from .scatter import Backend
+from .scatter import Backend, uses_numba
 
 BAND_ROWS: Final = 32
 """Rows of pixels that one thread works on at a time."""
@@ -42,7 +42,7 @@ _BEHIND: Final = 1e-6
 _INSIDE: Final = 1e-5
 """How far outside a quad, in its own sides, a pixel's centre still counts as inside."""
 
-_SAME_DEPTH: Final = 1e-3
+SAME_DEPTH: Final = 1e-3
 """Relative difference of inverse depths of two fragments of one surface."""
 
 _TRANSPARENT: Final = 1e-5
@@ -71,7 +71,7 @@ class Sheets(NamedTuple):
         Which of the tracks' matrices a sample follows, or `VECTOR_TRACK`, or `NO_TRACK`.
     velocity, acceleration : ndarray of float32 of shape (sheets, rows, columns, 2)
         Of samples that follow `VECTOR_TRACK`: pixels a frame, and half of the change a frame of that, so
-        that the displacement at time t is velocity t + acceleration t^2. May be broadcast from nothing.
+        that the displacement at time t is velocity t + acceleration t^2.
     guessed : ndarray of float32 of shape (sheets, rows, columns)
         1 where a sample was filled in, 0 where it was rendered.
     quads : ndarray of uint8 of shape (sheets, rows - 1, columns - 1)
@@ -162,7 +162,7 @@ def places(sheets: Sheets, schedule: Schedule, n: int, backend: Backend = "auto"
         Pixel coordinates x and y, and 1/z' then; 1/z' is -1 for what is no sample or has passed the camera.
     """
     result = np.empty((*sheets.track.shape, 3))
-    if backend == "numpy" or not jit.HAVE_NUMBA:
+    if not uses_numba(backend):
         for s in range(sheets.track.shape[0]):
             result[s] = _places_numpy(sheets, schedule, n, s)
     else:
@@ -263,7 +263,7 @@ def expose(
     float
         Share of the work done, rising to 1.
     """
-    if backend == "numpy" or not jit.HAVE_NUMBA:
+    if not uses_numba(backend):
         yield from _expose_numpy(sheets, schedule, background, output, guessed)
         return
     has_background = background is not None
@@ -310,7 +310,7 @@ def instant(
     fragments = np.zeros((*shape, _FRAGMENT), dtype=np.float32)
     schedule = schedule.only(n)
     least_alpha = 0.0 if background is None else _TRANSPARENT
-    if backend == "numpy" or not jit.HAVE_NUMBA:
+    if not uses_numba(backend):
         seen = _draw_numpy(sheets, schedule, 0, fragments, least_alpha)
     else:
         stamp = np.full(shape, -1, dtype=np.int32)
@@ -336,7 +336,7 @@ def _before_background(
         [background.color, background.inverse_depth[..., np.newaxis], background.guessed[..., np.newaxis]],
         axis=2,
     )
-    front = fragments[..., 4] >= background.inverse_depth * (1.0 - _SAME_DEPTH)
+    front = fragments[..., 4] >= background.inverse_depth * (1.0 - SAME_DEPTH)
     over = seen & front
     through = (1.0 - fragments[over, 3])[:, np.newaxis]
     result[over, :4] = fragments[over, :4] + through * background.color[over]
@@ -488,7 +488,7 @@ def _put(
     f = at * _FRAGMENT
     old_depth, old_alpha = fragments[f + 4], fragments[f + 3]
     wins = first
-    if not first and abs(iz - old_depth) <= _SAME_DEPTH * old_depth:
+    if not first and abs(iz - old_depth) <= SAME_DEPTH * old_depth:
         # Two quads share an edge, or a surface meets itself: the more solid of the two is seen.
         wins = np.float32(a) > old_alpha
     if wins:
@@ -499,7 +499,7 @@ def _put(
         fragments[f + 3] = a
         fragments[f + 4] = iz
         fragments[f + 5] = guess
-    elif iz > old_depth * (1.0 + _SAME_DEPTH):
+    elif iz > old_depth * (1.0 + SAME_DEPTH):
         through = 1.0 - a
         fragments[f] = r + through * fragments[f]
         fragments[f + 1] = g + through * fragments[f + 1]
@@ -508,7 +508,7 @@ def _put(
         fragments[f + 5] = guess + through * fragments[f + 5]
         if a >= 0.5:
             fragments[f + 4] = iz
-    elif iz < old_depth * (1.0 - _SAME_DEPTH) and old_alpha < 1.0:
+    elif iz < old_depth * (1.0 - SAME_DEPTH) and old_alpha < 1.0:
         through = 1.0 - old_alpha
         fragments[f] += through * r
         fragments[f + 1] += through * g
@@ -647,7 +647,7 @@ def _add_instant(
         for c in range(4):
             total[t + c] += fragments[f + c]
         total[t + 4] += fragments[f + 5]
-    elif fragments[f + 4] >= inverse_depth[below] * (1.0 - _SAME_DEPTH):
+    elif fragments[f + 4] >= inverse_depth[below] * (1.0 - SAME_DEPTH):
         through = 1.0 - fragments[f + 3]
         for c in range(4):
             total[t + c] += fragments[f + c] + through * color[k + c]
@@ -802,7 +802,7 @@ def _draw_numpy(
 
 def _laid(old: Float32Array, new: Float32Array) -> Float32Array:
     """Return fragments laid over or under what is there, as `_put` does."""
-    same = np.abs(new[:, 4] - old[:, 4]) <= _SAME_DEPTH * old[:, 4]
+    same = np.abs(new[:, 4] - old[:, 4]) <= SAME_DEPTH * old[:, 4]
     nearer = new[:, 4] > old[:, 4]
     front, back = np.where(nearer[:, np.newaxis], (new, old), (old, new))
     channels = [0, 1, 2, 3, 5]
