@@ -26,10 +26,11 @@ TESTS ?= tests
 
 BENCH := build/bench/env
 BENCH_ARGS ?=
+FIGURES_ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup system-packages demo test test-all test-others test-gui benchmark extension \
+.PHONY: help setup system-packages demo test test-all test-others test-gui benchmark figures scenes extension \
 	extension-release lint format docs clean
 
 help:  ## list these targets
@@ -38,7 +39,7 @@ help:  ## list these targets
 
 # One rule for each Blender: .venv/bpy-X.Y/.stamp is newer than the requirements that it was made from.
 define environment
-.venv/bpy-$(1)/.stamp: requirements/core.txt requirements/test.txt requirements/blender-$(1).txt requirements/wheels.txt
+.venv/bpy-$(1)/.stamp: requirements/core.txt requirements/test.txt requirements/figures.txt requirements/blender-$(1).txt requirements/wheels.txt
 	@python=$$$$(tools/find_python $$(PYTHON_OF_$(1))) && \
 	echo "Making the environment of Blender $(1) (a download of about 400 MB the first time)" && \
 	"$$$$python" -m venv .venv/bpy-$(1) && \
@@ -61,7 +62,15 @@ system-packages: $(ENV)/.stamp  ## print the Debian packages that bpy still need
 
 demo: $(ENV)/.stamp  ## render a sample scene and refocus it, into build/demo
 	@$(PY) tools/check_bpy.py
-	$(PY) sample_scenes/demo.py --output build/demo
+	$(PY) -m sample_scenes.demo --output build/demo
+
+figures: $(ENV)/.stamp  ## draw the papers' figures and tables again, into build/figures
+	@$(PY) tools/check_bpy.py
+	$(PY) -m figures $(FIGURES_ARGS)
+
+# Files of the oldest Blender open in all.
+scenes: .venv/bpy-4.5/.stamp  ## save the sample scenes as .blend files
+	.venv/bpy-4.5/bin/python -m sample_scenes
 
 test: $(ENV)/.stamp  ## run the tests under one Blender
 	@$(PY) tools/check_bpy.py

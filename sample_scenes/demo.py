@@ -9,37 +9,37 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import runpy
 import time
 from pathlib import Path
 
 import bpy
-import cube_and_sphere
 
-ROOT = Path(__file__).resolve().parent.parent
+from . import cube_and_sphere, rendering
+
 F_STOPS = (5.6, 11.0, 22.0)
 
 
 def main() -> int:
     """Build, render and process the scene."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--output", type=Path, default=ROOT / "build" / "demo", help="folder of the pictures")
-    parser.add_argument("--resolution", type=int, default=512)
+    parser.add_argument("--output", type=Path, default=Path("build", "demo"), help="folder of the pictures")
+    parser.add_argument("--percentage", type=int, default=100, help="size of the pictures; 100 is 512 pixels")
     parser.add_argument("--samples", type=int, default=16, help="Cycles' samples for each point sample")
     options = parser.parse_args()
     folder: Path = options.output.resolve()
     folder.mkdir(parents=True, exist_ok=True)
 
     started = time.perf_counter()
-    scene = cube_and_sphere.build(options.resolution, options.samples, moving=True)
-    extension = runpy.run_path(str(ROOT / "farm" / "run.py"))["load_extension"]()
-    core = f"{extension.__name__}.potmesil_addon"
+    scene = cube_and_sphere.build(moving=True)
+    scene.render.resolution_percentage = options.percentage
+    scene.cycles.samples = options.samples
+    core = f"{rendering.extension().__name__}.potmesil_addon"
     samples_file = folder / "samples.exr"
     settings = scene.potmesil_camera
     settings.samples_path = str(samples_file)
     settings.point_samples = True
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "cube_and_sphere.blend"))
-    print(f"Rendering {options.resolution} x {options.resolution} pixels, 2 x 2 point samples each ...")
+    print("Rendering 2 x 2 point samples for each pixel ...")
     bpy.ops.potmesil.render()
     print(f"Rendered and saved the samples in {time.perf_counter() - started:.1f} s")
 

@@ -1,0 +1,79 @@
+"""All scenes by name, each with the file that it is saved to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from . import cube_and_sphere
+
+FOLDER = Path(__file__).resolve().parent
+
+
+@dataclass(frozen=True, slots=True)
+class SampleScene:
+    """A scene that a script builds.
+
+    Parameters
+    ----------
+    build : callable
+        Replaces Blender's current file by the scene and returns it, at the size and with the samples that
+        it is meant for.
+    purpose : str
+        What it shows.
+    options : dict
+        Arguments of `build`.
+    """
+
+    build: Callable[..., bpy.types.Scene]
+    purpose: str
+    options: dict[str, Any] = field(default_factory=dict)
+
+    def open(self, *, percentage: int = 100, samples: int | None = None) -> bpy.types.Scene:
+        """Build the scene, smaller or with other samples where asked.
+
+        Parameters
+        ----------
+        percentage : int
+            Of the picture's size.
+        samples : int, optional
+            Cycles' samples a pixel.
+
+        Returns
+        -------
+        Scene
+            The scene.
+        """
+        scene = self.build(**self.options)
+        scene.render.resolution_percentage = percentage
+        if samples is not None:
+            scene.cycles.samples = samples
+        return scene
+
+
+SCENES: dict[str, SampleScene] = {
+    "cube_and_sphere": SampleScene(cube_and_sphere.build, "TOG 1982, figures 11 to 14"),
+}
+
+
+def file_of(name: str) -> Path:
+    """Return the .blend file of a scene."""
+    return FOLDER / f"{name}.blend"
+
+
+def save(name: str, path: Path) -> None:
+    """Build a scene and save it, compressed and with everything packed.
+
+    Parameters
+    ----------
+    name : str
+        One of `SCENES`.
+    path : Path
+        The .blend file. Files of Blender 4.5 open in every later one.
+    """
+    SCENES[name].open()
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, copy=True)
