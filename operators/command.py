@@ -69,6 +69,7 @@ def main(arguments: list[str]) -> int:
             own = scene.potmesil_camera
             parser.set_defaults(coc_model=own.coc_model, psf=own.psf, motion_model=own.motion_model)
             parser.set_defaults(no_lens=not own.use_lens, no_motion=not own.use_motion)
+            parser.set_defaults(uniform_defocus=repr(own.uniform_defocus), fade=repr(own.fade))
             return parser.parse_args(arguments[1:])
 
         _render(scene, options, options_now)
@@ -107,7 +108,7 @@ def _render(
     from ..potmesil_addon.process import process, run  # noqa: PLC0415
 
     frames = (scene.frame_current,) if options.frames is None else parse_frames(options.frames)
-    cli.process_settings(options)  # what is wrong with them is said before the first render
+    cli.process_settings(options, frames[0])  # what is wrong with them is said before the first render
     output = Path(bpy.path.abspath(options.output)).absolute()
     cli.check_output(output)
     mask = None if options.mask is None else Path(bpy.path.abspath(options.mask)).absolute()
@@ -136,7 +137,7 @@ def _render(
             borrowed.set(scene.potmesil_camera, "use_motion", not current.no_motion)
             render_samples(bpy.context, samples_file)
         samples = exr.read_samples(samples_file, tuple(options.layer) if options.layer else None)
-        settings = cli.process_settings(current)
+        settings = cli.process_settings(current, frame)
         settings = replace(settings, shutter=settings.shutter.over(panel_shutter(scene)))
         result = run(process(samples, settings))
         target = frame_path(output, frame, several=len(frames) > 1)

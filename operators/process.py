@@ -86,6 +86,9 @@ def process_settings(context: bpy.types.Context) -> ProcessSettings:
         motion_model=own.motion_model,
         model=own.coc_model,
         psf=PsfSettings(kind=own.psf),
+        # Blender keeps camera lengths in millimetres.
+        uniform_defocus=own.uniform_defocus / 1000.0,
+        fade=own.fade,
     )
 
 

@@ -10,7 +10,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,6 +22,8 @@ from .diffraction import lommel_intensity, optical_defocus, optical_radius
 from .errors import EXIT_DONE, EXIT_FAILED, InputError, PotmesilError, SettingsError
 from .files import whole_file
 from .focus import WEIGHTINGS
+from .frames import existing_frames, frame_path, parse_frames
+from .keys import Scale, parse_keys
 from .lens import (
     COC_MODELS,
     DEFAULT_CRITERION,
@@ -133,7 +135,7 @@ def add_core_commands(commands: Any) -> None:
     info.set_defaults(run=_info)
 
     dof = commands.add_parser("dof", help="print the limits of the depth of field")
-    _add_lens(dof, required=True)
+    _add_lens(dof)
     criterion = dof.add_mutually_exclusive_group()
     criterion.add_argument(
         "--criterion",
@@ -149,7 +151,7 @@ def add_core_commands(commands: Any) -> None:
     dof.set_defaults(run=_dof)
 
     psf = commands.add_parser("psf", help="print the diffraction pattern of a point out of focus")
-    _add_lens(psf, required=True)
+    _add_lens(psf)
     psf.add_argument("--depth", type=float, required=True, metavar="M", help="distance of the point")
     psf.add_argument("--wavelength-nm", type=float, metavar="L", help="default: 549, the green primary")
     psf.add_argument(
@@ -163,10 +165,15 @@ def add_core_commands(commands: Any) -> None:
     psf.set_defaults(run=_psf)
 
     work = commands.add_parser(
-        "process", help="turn a samples file into a picture with depth of field and motion blur"
+        "process", help="turn samples files into pictures with depth of field and motion blur"
     )
-    work.add_argument("input", type=Path, metavar="IN.exr")
+    work.add_argument("input", type=Path, metavar="IN.exr", help="####.exr for a sequence")
     work.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.exr|OUT.png")
+    work.add_argument(
+        "--frames",
+        metavar="RANGE",
+        help="1-10, 1-10:2 or 1,3,7-9 (default: every frame of a sequence that is there)",
+    )
     add_process_options(work)
     work.add_argument("--report", type=Path, metavar="OUT.json", help="write what was done as JSON")
     work.set_defaults(run=_process)
@@ -175,12 +182,18 @@ def add_core_commands(commands: Any) -> None:
 def add_process_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that `process_settings` reads; what is not given comes from the file.
 
+    Options that take KEYS take a number, or numbers for frames as in ``1=0.29,24=0.98``.
+
     Parameters
     ----------
     parser : argparse.ArgumentParser
         Receives the options.
     """
-    _add_lens(parser, required=False)
+    parser.add_argument("--focal-length", type=float, metavar="MM")
+    parser.add_argument("--fstop", metavar="KEYS", help="a number, or FRAME=NUMBER,...: evenly in stops")
+    parser.add_argument(
+        "--focus-distance", metavar="KEYS", help="metres, or FRAME=METRES,...: evenly in 1/distance"
+    )
     parser.add_argument(
         "--sensor-width",
         type=float,
@@ -217,6 +230,15 @@ def add_process_options(parser: argparse.ArgumentParser) -> None:
         "--weighting", choices=WEIGHTINGS, default="1982", help="1981 weighs samples by 1/z^2"
     )
     parser.add_argument(
+        "--uniform-defocus",
+        metavar="KEYS",
+        default="0",
+        help="defocus the finished picture evenly: the circle's diameter on the film in millimetres",
+    )
+    parser.add_argument(
+        "--fade", metavar="KEYS", default="1", help="share of the finished picture's light: 0 is black"
+    )
+    parser.add_argument(
         "--layer",
         action="append",
         metavar="NAME",
@@ -231,13 +253,15 @@ def add_process_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
 
 
-def process_settings(options: argparse.Namespace) -> ProcessSettings:
+def process_settings(options: argparse.Namespace, frame: int | None = None) -> ProcessSettings:
     """Return the settings that the options of `add_process_options` ask for.
 
     Parameters
     ----------
     options : argparse.Namespace
         Parsed options.
+    frame : int, optional
+        The frame that keys are looked up at.
 
     Returns
     -------
@@ -259,8 +283,8 @@ def process_settings(options: argparse.Namespace) -> ProcessSettings:
         use_motion=not options.no_motion,
         lens=LensAttributes(
             focal_length=_millimetres(options.focal_length),
-            f_stop=options.fstop,
-            focus_distance=options.focus_distance,
+            f_stop=_keyed(options.fstop, frame, "stops"),
+            focus_distance=_keyed(options.focus_distance, frame, "reciprocal"),
             blades=options.blades,
             blade_rotation=None if options.blade_rotation is None else math.radians(options.blade_rotation),
             anamorphic_ratio=options.anamorphic_ratio,
@@ -272,6 +296,8 @@ def process_settings(options: argparse.Namespace) -> ProcessSettings:
         model=options.coc_model,
         psf=PsfSettings(kind=options.psf, tables=options.tables, lookup=options.lookup, step=step),
         weighting=options.weighting,
+        uniform_defocus=parse_keys(options.uniform_defocus).at(frame) / 1000.0,
+        fade=parse_keys(options.fade).at(frame),
         backend=options.backend,
     )
 
@@ -443,10 +469,10 @@ def _slit(text: str | None) -> Slit | None:
     )
 
 
-def _add_lens(parser: argparse.ArgumentParser, *, required: bool) -> None:
-    parser.add_argument("--focal-length", type=float, required=required, metavar="MM")
-    parser.add_argument("--fstop", type=float, required=required, metavar="N")
-    parser.add_argument("--focus-distance", type=float, required=required, metavar="M")
+def _add_lens(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--focal-length", type=float, required=True, metavar="MM")
+    parser.add_argument("--fstop", type=float, required=True, metavar="N")
+    parser.add_argument("--focus-distance", type=float, required=True, metavar="M")
 
 
 def _add_iris(parser: argparse.ArgumentParser) -> None:
@@ -468,6 +494,10 @@ def _lens(options: argparse.Namespace) -> Lens:
 
 def _default(value: float | None, default: float) -> float:
     return default if value is None else value
+
+
+def _keyed(text: str | None, frame: int | None, scale: Scale) -> float | None:
+    return None if text is None else parse_keys(text).at(frame, scale)
 
 
 def _millimetres(value: float | None) -> float | None:
@@ -556,37 +586,87 @@ def _write_table(options: argparse.Namespace, lens: Lens, circle: float, wavelen
 
 
 def _process(options: argparse.Namespace) -> int:
-    settings = process_settings(options)
-    check_output(options.output)
-    mask = None if options.mask is None else Path(options.mask)
-    if mask is not None:
-        check_output(mask)
-    targets = [path.resolve() for path in (options.output, mask) if path is not None]
-    if options.input.resolve() in targets:
-        raise SettingsError("The output would replace the samples file; give another name.")
-    if len(set(targets)) < len(targets):
-        raise SettingsError("The mask would replace the picture; give another name.")
+    for path in (options.output, options.mask):
+        if path is not None:
+            check_output(Path(path))
+    frames = _frames(options)
+    # What is wrong with the settings is said before the first picture.
+    process_settings(options, frames[0])
+    jobs = [_Job.create(options, frame, several=len(frames) > 1) for frame in frames]
     jit.set_thread_count(options.threads)
-    samples = exr.read_samples(options.input, tuple(options.layer) if options.layer else None)
+    layers = tuple(options.layer) if options.layer else None
+    samples, last = None, None
+    for job in jobs:
+        if samples is None or job.source != last:
+            samples, last = exr.read_samples(job.source, layers), job.source
+        _process_frame(job, samples, options)
+    return EXIT_DONE
+
+
+def _frames(options: argparse.Namespace) -> tuple[int | None, ...]:
+    """Return the frames to process; ``None`` where there is one file and no frame is named."""
+    if options.frames is not None:
+        return parse_frames(options.frames)
+    if "#" not in options.input.name:
+        return (None,)
+    frames = existing_frames(options.input)
+    if not frames:
+        raise InputError(f"There is no frame of '{options.input}'; # stands for the frame's number.")
+    return frames
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """The files of one picture."""
+
+    frame: int | None
+    source: Path
+    output: Path
+    mask: Path | None
+    report: Path | None
+
+    @classmethod
+    def create(cls, options: argparse.Namespace, frame: int | None, *, several: bool) -> _Job:
+        """Name the files, and refuse names that would replace each other."""
+
+        def named(template: Path | None) -> Path | None:
+            if template is None or frame is None:
+                return template
+            return frame_path(Path(template), frame, several=several)
+
+        source = options.input if frame is None else frame_path(options.input, frame)
+        output, mask = named(options.output), named(None if options.mask is None else Path(options.mask))
+        assert output is not None
+        targets = [path.resolve() for path in (output, mask) if path is not None]
+        if source.resolve() in targets:
+            raise SettingsError("The output would replace the samples file; give another name.")
+        if len(set(targets)) < len(targets):
+            raise SettingsError("The mask would replace the picture; give another name.")
+        return cls(frame, source, output, mask, named(options.report))
+
+
+def _process_frame(job: _Job, samples: Samples, options: argparse.Namespace) -> None:
+    """Process one samples file and write all that was asked for."""
+    settings = process_settings(options, job.frame)
     exposure = settings.shutter.over(samples.shutter).resolve() if settings.use_motion else None
     asked = exposure is not None and (settings.shutter.frames or settings.shutter.needs_length)
     if asked and not samples.knows_motion:
         raise InputError(
-            f"'{options.input}' has neither motion paths nor a vector pass, which a shutter needs; "
+            f"'{job.source}' has neither motion paths nor a vector pass, which a shutter needs; "
             "render with the Vector pass or leave out the shutter's options."
         )
     result = run(process(samples, settings))
-    write_result(options.output, result, samples)
-    if mask is not None:
-        write_mask(mask, result, samples)
+    write_result(job.output, result, samples)
+    if job.mask is not None:
+        write_mask(job.mask, result, samples)
     for what, count in samples.repaired.items():
         print(f"Repaired {count} {what} values that were not finite from their neighbours.")
-    if options.report is not None:
-        files = {"input": options.input, "output": options.output, "mask": mask}
+    if job.report is not None:
+        files = {"input": job.source, "output": job.output, "mask": job.mask}
         report = {name: None if path is None else str(path) for name, path in files.items()} | result.report
-        write_json(options.report, report)
-    print(f"Saved: '{options.output}'")
-    return EXIT_DONE
+        write_json(job.report, report)
+    # Whole lines, at once: farms read them through a pipe.
+    print(f"Saved: '{job.output}'", flush=True)
 
 
 def write_json(path: Path, value: dict[str, Any]) -> None:

@@ -79,5 +79,28 @@ def frame_path(template: Path, frame: int, *, several: bool = False) -> Path:
     return template.with_name(name)
 
 
+def existing_frames(template: Path) -> tuple[int, ...]:
+    """Return the frames whose files exist, in rising order.
+
+    Parameters
+    ----------
+    template : Path
+        With a ``#``, as in `frame_path`.
+
+    Returns
+    -------
+    tuple of int
+        Frames, each once.
+    """
+    run = list(re.finditer(r"#+", template.name))[-1]
+    before, after = re.escape(template.name[: run.start()]), re.escape(template.name[run.end() :])
+    name = re.compile(rf"{before}(-?\d+){after}")
+    folder = template.parent
+    found = (name.fullmatch(item.name) for item in folder.iterdir()) if folder.is_dir() else ()
+    frames = {int(match[1]) for match in found if match is not None}
+    # A number with other zeros is another file.
+    return tuple(sorted(frame for frame in frames if frame_path(template, frame).exists()))
+
+
 def _digits(frame: int, width: int) -> str:
     return f"{'-' if frame < 0 else ''}{abs(frame):0{width}d}"

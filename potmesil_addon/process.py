@@ -26,6 +26,7 @@ from .motion import (
     prepare,
     report_of,
 )
+from .printer import defocus_evenly, fade
 from .psf import PsfSettings
 from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window
 from .scatter import Backend, uses_numba
@@ -39,6 +40,9 @@ _STEP_OF_CIRCLE: Final = 0.125
 
 _LEAST_OPENING: Final = 1e-3
 """Least opening of a between-the-lens shutter over the full one."""
+
+_CAMERA_SHARE: Final = 0.8
+"""Share of the progress of what comes before a uniform defocus."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +69,17 @@ class ProcessSettings:
         Kind of point-spread function and its tables.
     weighting : {"1982", "1981"}
         Weights of the samples.
+    uniform_defocus : float
+        Diameter in metres on the film of the circle that the finished picture is evenly defocused by.
+    fade : float
+        Share of the finished picture's light: 0 is black, 1 all of it.
     backend : {"auto", "numba", "numpy"}
         Implementation.
+
+    Raises
+    ------
+    SettingsError
+        If the defocus or the fade is negative or not finite.
     """
 
     use_lens: bool = True
@@ -79,7 +92,14 @@ class ProcessSettings:
     model: CocModel = "cycles"
     psf: PsfSettings = field(default_factory=PsfSettings)
     weighting: Weighting = "1982"
+    uniform_defocus: float = 0.0
+    fade: float = 1.0
     backend: Backend = "auto"
+
+    def __post_init__(self) -> None:
+        for name, value in (("Uniform defocus", self.uniform_defocus), ("Fade", self.fade)):
+            if not (math.isfinite(value) and value >= 0.0):
+                raise SettingsError(f"{name} must be a number of 0 or more, not {value:g}.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,16 +158,24 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
     done: list[_Layer] = []
     focus = focus_settings(samples, settings) if settings.use_lens else None
     motion = motion_settings(samples, settings) if settings.use_motion else None
+    printed = _film(samples, settings) if settings.uniform_defocus > 0.0 else None
     layers = sorted(samples.layers, key=_middle_depth)
+    share = (1.0 if printed is None else _CAMERA_SHARE) / len(layers)
     for number, layer in enumerate(layers):
         steps = _process_layer(layer, samples, focus, motion)
-        done.append((yield from scaled(steps, number / len(layers), 1.0 / len(layers))))
+        done.append((yield from scaled(steps, number * share, share)))
     picture, guessed = done[0].picture, done[0].guessed
     for behind in done[1:]:
         guessed = np.asarray(guessed + behind.guessed * (1.0 - picture[..., 3]), dtype=np.float32)
         picture = over(picture, behind.picture)
     picture = average_down(picture, samples.supersampling)
     guessed = average_down(guessed[..., np.newaxis], samples.supersampling)[..., 0]
+    if printed is not None:
+        pixels = replace(printed, columns=picture.shape[1], rows=picture.shape[0])
+        steps_of_printer = _printed(picture, guessed, pixels, samples, settings)
+        picture, guessed = yield from scaled(steps_of_printer, _CAMERA_SHARE, 1.0 - _CAMERA_SHARE)
+    if settings.fade != 1.0:
+        picture = fade(picture, settings.fade)
     display = samples.display_window
     window = Window(
         display.x0 // samples.supersampling,
@@ -162,6 +190,8 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
         "focus": [asdict(layer.focus) for layer in done if layer.focus is not None],
         "shutter": None if motion is None else asdict(motion.shutter),
         "motion": [asdict(layer.motion) for layer in done if layer.motion is not None],
+        "uniform_defocus_mm": settings.uniform_defocus * 1000.0,
+        "fade": settings.fade,
         "repaired": samples.repaired,
         "threads": jit.set_thread_count(None),
         "compiled": uses_numba(settings.backend),
@@ -223,6 +253,20 @@ def _cascade(moving: Motion, layer: SampleLayer, focus: FocusSettings) -> Genera
     mean_guessed = np.asarray(total_guessed / count, dtype=np.float32)
     motion_report = report_of(moving, layer, count, mean_guessed)
     return _Layer(np.asarray(total / count, dtype=np.float32), mean_guessed, focus_report, motion_report)
+
+
+def _printed(
+    picture: Float32Array, guessed: Float32Array, film: Film, samples: Samples, settings: ProcessSettings
+) -> Generator[float, None, tuple[Float32Array, Float32Array]]:
+    """Defocus the finished picture evenly, and the mask of what was guessed with it."""
+    circle, aperture = settings.uniform_defocus, _aperture(samples, settings)
+    share = 0.5 if guessed.any() else 1.0
+    picture = yield from scaled(defocus_evenly(picture, film, circle, aperture, settings.backend), 0.0, share)
+    if share < 1.0:
+        mask = np.repeat(guessed[..., np.newaxis], 4, axis=2)
+        mask = yield from scaled(defocus_evenly(mask, film, circle, aperture, settings.backend), share, share)
+        guessed = mask[..., 0]
+    return picture, guessed
 
 
 def _circles(inverse_depth: Float32Array, focus: FocusSettings) -> FloatArray:
@@ -302,24 +346,12 @@ def focus_settings(samples: Samples, settings: ProcessSettings) -> FocusSettings
         If something is neither in the file nor in the settings; the sentence names the option.
     """
     wanted, stored = settings.lens, samples.lens
-    film = samples.film
-    if settings.sensor_width is not None or settings.sensor_height is not None:
-        film = Film.from_sensor(
-            samples.display_window.columns,
-            samples.display_window.rows,
-            samples.pixel_aspect,
-            sensor_width=settings.sensor_width,
-            sensor_height=settings.sensor_height,
-        )
-    if film is None:
-        raise SettingsError("The file does not say the size of the sensor; give --sensor-width.")
-    lens = Lens(
+    film = _film(samples, settings)
+    lens = replace(
+        _aperture(samples, settings),
         focal_length=_known(wanted.focal_length, stored.focal_length, "focal length"),
         f_stop=_known(wanted.f_stop, stored.f_stop, "f-stop", option="--fstop"),
         focus_distance=_known(wanted.focus_distance, stored.focus_distance, "focus distance"),
-        blades=_first(wanted.blades, stored.blades, 0),
-        blade_rotation=_first(wanted.blade_rotation, stored.blade_rotation, 0.0),
-        anamorphic_ratio=_first(wanted.anamorphic_ratio, stored.anamorphic_ratio, 1.0),
     )
     return FocusSettings(lens, film, settings.model, settings.psf, settings.weighting, settings.backend)
 
@@ -352,6 +384,35 @@ def motion_settings(samples: Samples, settings: ProcessSettings) -> MotionSettin
     if not samples.knows_motion:
         return None
     return MotionSettings(shutter, settings.motion_model, settings.backend)
+
+
+def _film(samples: Samples, settings: ProcessSettings) -> Film:
+    """Return the display window on the film."""
+    film = samples.film
+    if settings.sensor_width is not None or settings.sensor_height is not None:
+        film = Film.from_sensor(
+            samples.display_window.columns,
+            samples.display_window.rows,
+            samples.pixel_aspect,
+            sensor_width=settings.sensor_width,
+            sensor_height=settings.sensor_height,
+        )
+    if film is None:
+        raise SettingsError("The file does not say the size of the sensor; give --sensor-width.")
+    return film
+
+
+def _aperture(samples: Samples, settings: ProcessSettings) -> Lens:
+    """Return a lens of which only the aperture's shape counts."""
+    wanted, stored = settings.lens, samples.lens
+    return Lens(
+        focal_length=1.0,
+        f_stop=1.0,
+        focus_distance=math.inf,
+        blades=_first(wanted.blades, stored.blades, 0),
+        blade_rotation=_first(wanted.blade_rotation, stored.blade_rotation, 0.0),
+        anamorphic_ratio=_first(wanted.anamorphic_ratio, stored.anamorphic_ratio, 1.0),
+    )
 
 
 def _known(wanted: float | None, stored: float | None, name: str, option: str | None = None) -> float:

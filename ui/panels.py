@@ -1,4 +1,4 @@
-"""The panel beside Blender's own Depth of Field: focus, limits, shutter, pre-flight check, buttons."""
+"""The panel beside Blender's own Depth of Field: focus, shutter, printer, pre-flight check, buttons."""
 
 from __future__ import annotations
 
@@ -172,6 +172,24 @@ class POTMESIL_PT_shutter_curve(_CameraPanel, bpy.types.Panel):
             row.operator("render.shutter_curve_preset", icon=icon, text="").shape = shape
 
 
+class POTMESIL_PT_printer(_CameraPanel, bpy.types.Panel):
+    """What happens to the finished picture: uniform defocus and fades."""
+
+    bl_label = "Optical Printer"
+    bl_parent_id = "POTMESIL_PT_camera"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what can be animated over a shot."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = True
+        own = context.scene.potmesil_camera
+        column = layout.column(align=True)
+        column.prop(own, "uniform_defocus")
+        column.prop(own, "fade")
+
+
 class POTMESIL_PT_samples(_CameraPanel, bpy.types.Panel):
     """What is rendered, where it goes, and what stands in its way."""
 
@@ -261,5 +279,6 @@ CLASSES = (
     POTMESIL_PT_aperture,
     POTMESIL_PT_shutter,
     POTMESIL_PT_shutter_curve,
+    POTMESIL_PT_printer,
     POTMESIL_PT_samples,
 )

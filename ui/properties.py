@@ -33,6 +33,25 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
         ),
         default="disc",
     )
+    uniform_defocus: bpy.props.FloatProperty(
+        name="Uniform Defocus",
+        description="Diameter on the film of the circle that the finished picture is evenly defocused by, "
+        "whatever the depth, as in an optical printer",
+        min=0.0,
+        soft_max=5.0,
+        default=0.0,
+        precision=3,
+        step=1,
+        subtype="DISTANCE_CAMERA",
+    )
+    fade: bpy.props.FloatProperty(
+        name="Fade",
+        description="Share of the finished picture's light, from black to all of it",
+        min=0.0,
+        max=1.0,
+        default=1.0,
+        subtype="FACTOR",
+    )
     use_motion: bpy.props.BoolProperty(
         name="Motion Blur",
         description="Run the motion processor on the samples",

@@ -75,6 +75,36 @@ def test_command_follows_the_panel_where_no_option_speaks(blend: Path, module: A
     assert '"coc_model": "cycles"' in lens["cycles"]
 
 
+def test_the_printer_follows_the_panel_frame_by_frame(blend: Path, module: Any, tmp_path: Path) -> None:
+    own = bpy.context.scene.potmesil_camera
+    for frame, fade, defocus in ((1, 0.25, 0.0), (3, 1.0, 6.0)):
+        own.fade, own.uniform_defocus = fade, defocus
+        own.keyframe_insert("fade", frame=frame)
+        own.keyframe_insert("uniform_defocus", frame=frame)
+    main = module("operators.command").main
+    words = ["--no-lens", "--no-motion", "--output"]
+    assert main(["render", "--frames", "1,3", *words, str(tmp_path / "a####.exr")]) == 0
+    for name in ("a0001", "a0003"):
+        samples = tmp_path / "passes" / f"{name[1:]}.exr"
+        assert main(["process", str(samples), *words, str(tmp_path / f"{name}_plain.exr")]) == 0
+    dim, soft, bright, sharp = (
+        OpenEXR.File(str(tmp_path / f"{name}.exr")).channels()["RGBA"].pixels[..., 0]
+        for name in ("a0001", "a0003", "a0001_plain", "a0003_plain")
+    )
+    assert dim.max() == pytest.approx(0.25 * bright.max(), rel=1e-6)
+    # A circle of 6 mm on a film of 36 mm is 16 of 96 pixels wide, and softens the card's edge by as much.
+    row = soft[32] / sharp.max()
+    assert 12 <= int(((row > 0.02) & (row < 0.98)).sum()) <= 40
+
+
+def test_keys_of_options_are_looked_up_at_each_frame(blend: Path, module: Any, tmp_path: Path) -> None:
+    main = module("operators.command").main
+    words = ["--output", str(tmp_path / "k####.exr"), "--focus-distance", "1=4,3=8"]
+    assert main(["render", "--frames", "1-3", *words]) == 0
+    focus = [OpenEXR.File(str(tmp_path / f"k{n:04d}.exr")).header()["focus"] for n in (1, 2, 3)]
+    assert focus == pytest.approx([4.0, 16.0 / 3.0, 8.0])
+
+
 def test_samples_go_where_they_are_told_and_process_again(blend: Path, module: Any, tmp_path: Path) -> None:
     main = module("operators.command").main
     samples = tmp_path / "kept.exr"

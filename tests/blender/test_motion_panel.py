@@ -152,6 +152,8 @@ KEYED = [
     ("exposure_count", 1, 5),
     ("exposure_duration", 0.25, 0.5),
     ("exposure_spacing", 0.5, 1.5),
+    ("uniform_defocus", 0.0, 2.0),
+    ("fade", 0.0, 1.0),
 ]
 
 

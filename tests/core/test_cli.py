@@ -943,6 +943,99 @@ def test_mask_replaces_nothing(potmesil: Runner, tmp_path: Path, name: str) -> N
 # How it ends
 
 
+# sequences
+
+
+def sequence(folder: Path, *frames: int) -> Path:
+    """Write frames of samples, each file the same; return their template."""
+    folder.mkdir(exist_ok=True)
+    first = rendered_file(folder)
+    for frame in frames:
+        (folder / f"s.{frame:04d}.exr").write_bytes(first.read_bytes())
+    return folder / "s.####.exr"
+
+
+def test_a_sequence_is_processed_frame_by_frame(potmesil: Runner, tmp_path: Path) -> None:
+    template = sequence(tmp_path / "in", 1, 2, 5)
+    output, report = tmp_path / "o.####.exr", tmp_path / "r.json"
+    ended = potmesil("process", template, "-o", output, "--report", report)
+    assert ended.status == 0, ended.err
+    assert ended.out.count("Saved: ") == 3
+    for frame in (1, 2, 5):
+        assert (tmp_path / f"o.{frame:04d}.exr").is_file()
+        assert f"s.{frame:04d}.exr" in json.loads((tmp_path / f"r{frame:04d}.json").read_text())["input"]
+
+
+def test_frames_choose_and_the_focus_is_pulled(potmesil: Runner, tmp_path: Path) -> None:
+    template = sequence(tmp_path / "in", 1, 2, 3, 4)
+    ended = potmesil(
+        "process", template, "-o", tmp_path / "o.exr", "--frames", "1-3",
+        "--focus-distance", "1=1,3=0.5", "--fstop", "1=2,3=8", "--report", tmp_path / "r.json",
+    )  # fmt: skip
+    assert ended.status == 0, ended.err
+    assert not (tmp_path / "o0004.exr").exists()
+    reports = [json.loads((tmp_path / f"r{frame:04d}.json").read_text())["lens"] for frame in (1, 2, 3)]
+    assert [lens["focus_distance_m"] for lens in reports] == pytest.approx([1.0, 2.0 / 3.0, 0.5])
+    assert [lens["f_stop"] for lens in reports] == pytest.approx([2.0, 4.0, 8.0])
+
+
+def test_one_samples_file_becomes_an_animation(potmesil: Runner, tmp_path: Path) -> None:
+    still = rendered_file(tmp_path)
+    words = ("--frames", "1-3", "--no-motion", "--fade", "1=0,3=1")
+    assert potmesil("process", still, "-o", tmp_path / "o.####.exr", *words).status == 0
+    black, half, full = (read_rgba(tmp_path / f"o.{frame:04d}.exr") for frame in (1, 2, 3))
+    assert not black[..., :3].any()
+    np.testing.assert_allclose(half[..., :3], 0.5 * full[..., :3], rtol=1e-6)
+    np.testing.assert_array_equal(black[..., 3], full[..., 3])
+
+
+def test_uniform_defocus_is_a_diameter_on_the_film(potmesil: Runner, tmp_path: Path) -> None:
+    still = rendered_file(tmp_path)
+    words = ("--no-lens", "--no-motion")
+    potmesil("process", still, "-o", tmp_path / "sharp.exr", *words)
+    potmesil("process", still, "-o", tmp_path / "soft.exr", *words, "--uniform-defocus", "0.4")
+    samples = exr.read_samples(still)
+    settings = ProcessSettings(use_lens=False, use_motion=False, uniform_defocus=0.4e-3)
+    expected = run(process(samples, settings)).picture
+    np.testing.assert_array_equal(read_rgba(tmp_path / "soft.exr"), expected)
+    assert np.abs(expected - read_rgba(tmp_path / "sharp.exr")).max() > 0.01
+
+
+def test_a_gap_in_a_sequence_is_3(potmesil: Runner, tmp_path: Path) -> None:
+    template = sequence(tmp_path / "in", 1, 3)
+    line = one_line(potmesil("process", template, "-o", tmp_path / "o.exr", "--frames", "1-3"), 3)
+    assert "s.0002.exr" in line
+
+
+def test_a_sequence_without_frames_is_3(potmesil: Runner, tmp_path: Path) -> None:
+    line = one_line(potmesil("process", tmp_path / "s.####.exr", "-o", tmp_path / "o.exr"), 3)
+    assert "s.####.exr" in line
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--fade", "1=0,2=1"),
+        ("--fade", "-1"),
+        ("--fade", "x"),
+        ("--uniform-defocus", "inf"),
+        ("--focus-distance", "2=1,1=2"),
+        ("--fstop", "1=2,8", "--frames", "1"),
+        ("--frames", "5-1"),
+    ],
+)
+def test_wrong_keys_are_2_before_any_work(potmesil: Runner, tmp_path: Path, words: tuple[str, ...]) -> None:
+    still = rendered_file(tmp_path)
+    one_line(potmesil("process", still, "-o", tmp_path / "o.exr", *words), 2)
+    assert not (tmp_path / "o.exr").exists()
+
+
+def test_no_frame_replaces_its_samples(potmesil: Runner, tmp_path: Path) -> None:
+    template = sequence(tmp_path / "in", 1, 2)
+    line = one_line(potmesil("process", template, "-o", tmp_path / "in" / "s.####.exr"), 2)
+    assert "replace the samples file" in line
+
+
 @pytest.mark.parametrize("command", ["info", "process"])
 def test_missing_input_is_3(potmesil: Runner, tmp_path: Path, command: str) -> None:
     more = ["-o", tmp_path / "out.exr", *LENS, *SENSOR] if command == "process" else []

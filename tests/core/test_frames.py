@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from potmesil_addon.errors import SettingsError
-from potmesil_addon.frames import MAX_FRAMES, frame_path, parse_frames
+from potmesil_addon.frames import MAX_FRAMES, existing_frames, frame_path, parse_frames
 
 
 @pytest.mark.parametrize(
@@ -89,3 +89,19 @@ def test_several_frames_get_a_number_each(template: str, frame: int, expected: s
 def test_frames_of_a_range_get_different_paths() -> None:
     paths = {frame_path(Path("x/out.exr"), frame, several=True) for frame in parse_frames("-2-12")}
     assert len(paths) == 15
+
+
+def test_existing_frames_are_those_on_the_disk(tmp_path: Path) -> None:
+    for name in (
+        "a.0001.exr",
+        "a.0010.exr",
+        "a.12345.exr",
+        "a.-0003.exr",
+        "a.7.exr",
+        "b.0002.exr",
+        "a.0004.png",
+    ):
+        (tmp_path / name).touch()
+    # a.7.exr has other zeros than the template.
+    assert existing_frames(tmp_path / "a.####.exr") == (-3, 1, 10, 12345)
+    assert existing_frames(tmp_path / "nowhere" / "a.####.exr") == ()
