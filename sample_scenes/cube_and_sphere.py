@@ -1,21 +1,30 @@
 """The papers' first test scene: a textured cube, a wrinkled sphere before it, a background all round.
 
 TOG 1982, section 4: the sphere of 20 mm radius at 290 mm, the cube of 100 mm at 550 mm, the background at
-980 mm, a 55 mm lens on a 30 x 30 mm frame. One Blender unit is one metre. The papers' picture on the cube
-is replaced by a procedural texture with as much detail and colour.
+980 mm, a 55 mm lens on a 30 x 30 mm frame. One Blender unit is one metre. In place of the papers' picture
+the cube wears our own plumage.
 """
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 
 import bpy
+import numpy as np
+import numpy.typing as npt
 
 from . import building
+from .plumage import plumage
 
 SPHERE_DISTANCE = 0.290
 CUBE_DISTANCE = 0.550
 BACKGROUND_DISTANCE = 0.980
+
+TEXTURE_SIDE = 512
+AMBIENT = 0.14
+"""Share of its colour with which every surface glows, for the light that bounces would bring."""
 
 
 def build(*, moving: bool = False) -> bpy.types.Scene:
@@ -31,28 +40,29 @@ def build(*, moving: bool = False) -> bpy.types.Scene:
     Scene
         The scene, its camera at the origin looking along +y and focused on the cube.
     """
-    scene = building.empty_scene("Cube and Sphere", 512, 512, samples=32, bounces=2)
+    # Light without bounces from one point, as the papers' hidden-surface processor has it: no noise.
+    scene = building.empty_scene("Cube and Sphere", 512, 512, samples=16, bounces=0)
     building.camera(scene, 55.0, 30.0, (0.0, 0.0, 0.0), (0.0, CUBE_DISTANCE, 0.0), f_stop=5.6)
-    building.lamp(scene, "Light", "POINT", 9.0, (-0.25, 0.05, 0.35), size=0.02)
+    building.lamp(scene, "Light", "POINT", 46.0, (-0.48, -0.14, 0.50), size=0.0)
 
-    # The face turned to the camera lies at the cube's distance, give or take its slant.
+    # What the camera sees of cube and sphere lies around their distance, with their middles behind it.
     cube = building.add(
         scene,
         "Cube",
         building.box("Cube", (0.100, 0.100, 0.100)),
-        (0.025, CUBE_DISTANCE + 0.045, 0.005),
-        (22.0, 12.0, 38.0),
-        _patchwork(),
+        (0.022, CUBE_DISTANCE + 0.030, 0.012),
+        (24.0, -8.0, 30.0),
+        _feathers(),
     )
     sphere = building.add(
         scene,
         "Sphere",
         building.sphere("Sphere", 0.020),
-        (-0.043, SPHERE_DISTANCE, -0.030),
+        (-0.0375, SPHERE_DISTANCE + 0.012, -0.0354),
         (0.0, 0.0, 0.0),
         _wrinkles(),
     )
-    shell = building.sphere("Background", BACKGROUND_DISTANCE, rings=96)
+    shell = building.sphere("Background", BACKGROUND_DISTANCE)
     building.add(scene, "Background", shell, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), _sky())
     if moving:
         # Evenly, whatever the preferences say of new keys.
@@ -68,62 +78,70 @@ def _drive(item: bpy.types.Object, name: str, axis: int, rate: float) -> None:
     item.driver_add(name, axis).driver.expression = f"{rest} + {rate} * (frame - 1)"
 
 
-def _patchwork() -> bpy.types.Material:
-    """Coloured cells with fine dark lines: detail at every scale, so that sharpness can be seen."""
+def _lit(
+    tree: bpy.types.ShaderNodeTree, color: bpy.types.NodeSocket, normal: bpy.types.NodeSocket | None = None
+) -> bpy.types.NodeSocket:
+    """Return a matt surface that also glows a little: shades of 1982, without noise in any sample."""
+    normals = {} if normal is None else {"Normal": normal}
+    matt = building.node(tree, "BsdfDiffuse", Color=color, **normals).outputs[0]
+    glow = building.node(tree, "Emission", Color=color, Strength=AMBIENT).outputs[0]
+    both = building.node(tree, "AddShader")
+    tree.links.new(matt, both.inputs[0])
+    tree.links.new(glow, both.inputs[1])
+    return both.outputs[0]
+
+
+def _material(
+    name: str, shade: Callable[[bpy.types.ShaderNodeTree], bpy.types.NodeSocket]
+) -> bpy.types.Material:
+    """Return a material whose glow is not sought as a lamp, which would cost samples and bring noise."""
+    material = building.material(name, shade)
+    material.cycles.emission_sampling = "NONE"
+    return material
+
+
+@functools.cache
+def _texture() -> npt.NDArray[np.float64]:
+    """Return the picture lying on its side, as a box's faces turn it upright."""
+    return np.rot90(plumage(TEXTURE_SIDE), -1)
+
+
+def _feathers() -> bpy.types.Material:
+    """Our picture in place of the papers' mandrill, once on every side."""
+    image = building.picture("Plumage", _texture())
 
     def shade(tree: bpy.types.ShaderNodeTree) -> bpy.types.NodeSocket:
-        place = building.node(tree, "TexCoord").outputs["Object"]
-        cells = building.node(tree, "TexVoronoi", Vector=place, Scale=130.0)
-        vivid = building.node(tree, "HueSaturation", Color=cells.outputs["Color"], Saturation=1.5)
-        lines = building.node(tree, "TexVoronoi", feature="DISTANCE_TO_EDGE", Vector=place, Scale=130.0)
-        rim = building.node(tree, "Math", operation="GREATER_THAN")
-        rim.inputs[1].default_value = 0.06
-        tree.links.new(lines.outputs["Distance"], rim.inputs[0])
-        grain = building.node(
-            tree, "TexChecker", Vector=place, Scale=500.0, Color1=(1.0, 1.0, 1.0), Color2=(0.45, 0.45, 0.45)
+        return _lit(
+            tree, building.node(tree, "TexImage", image=image, interpolation="Cubic").outputs["Color"]
         )
-        dark, fine = (building.node(tree, "VectorMath", operation="MULTIPLY") for _ in range(2))
-        tree.links.new(vivid.outputs["Color"], dark.inputs[0])
-        tree.links.new(rim.outputs[0], dark.inputs[1])
-        tree.links.new(dark.outputs[0], fine.inputs[0])
-        tree.links.new(grain.outputs["Color"], fine.inputs[1])
-        return building.node(tree, "BsdfDiffuse", Color=fine.outputs[0]).outputs[0]
 
-    return building.material("Patchwork", shade)
+    return _material("Feathers", shade)
 
 
 def _wrinkles() -> bpy.types.Material:
-    """Brown, with bumps as of crumpled leather."""
+    """Brown, with folds and pores as of old leather."""
 
     def shade(tree: bpy.types.ShaderNodeTree) -> bpy.types.NodeSocket:
         place = building.node(tree, "TexCoord").outputs["Object"]
-        noise = building.node(tree, "TexNoise", Vector=place, Scale=260.0, Detail=3.0)
-        bump = building.node(tree, "Bump", Distance=0.004, Height=noise.outputs[0])
-        shader = building.node(tree, "BsdfDiffuse", Color=(0.42, 0.19, 0.07), Normal=bump.outputs[0])
-        return shader.outputs[0]
+        noise = building.node(tree, "TexNoise", Vector=place, Scale=130.0, Detail=5.0, Distortion=0.9)
+        bump = building.node(tree, "Bump", Strength=1.0, Distance=0.012, Height=noise.outputs[0])
+        brown = building.node(tree, "RGB")
+        brown.outputs[0].default_value = (0.36, 0.15, 0.055, 1.0)
+        return _lit(tree, brown.outputs[0], bump.outputs[0])
 
-    return building.material("Wrinkles", shade)
+    return _material("Wrinkles", shade)
 
 
 def _sky() -> bpy.types.Material:
-    """Blue, with a grid of lighter lines so that its focus can be judged."""
+    """Blue, and faintly mottled at every scale, so that its focus can be seen and measured."""
 
     def shade(tree: bpy.types.ShaderNodeTree) -> bpy.types.NodeSocket:
         place = building.node(tree, "TexCoord").outputs["Object"]
-        turn = building.node(tree, "Mapping", Vector=place, Rotation=(math.radians(90.0), 0.0, 0.0))
-        grid = building.node(
-            tree,
-            "TexBrick",
-            offset=0.0,
-            Vector=turn.outputs[0],
-            Color1=(0.05, 0.13, 0.42),
-            Color2=(0.08, 0.20, 0.55),
-            Mortar=(0.55, 0.65, 0.80),
-            Scale=12.0,
-            Mortar_Size=0.012,
-            Brick_Width=0.5,
-            Row_Height=0.5,
-        )
-        return building.node(tree, "BsdfDiffuse", Color=grid.outputs["Color"]).outputs[0]
+        noise = building.node(tree, "TexNoise", Vector=place, Scale=55.0, Detail=6.0, Roughness=0.65)
+        ramp = building.node(tree, "ValToRGB", Fac=noise.outputs[0])
+        dark, light = ramp.color_ramp.elements
+        dark.position, dark.color = 0.35, (0.028, 0.10, 0.36, 1.0)
+        light.position, light.color = 0.65, (0.055, 0.19, 0.55, 1.0)
+        return _lit(tree, ramp.outputs["Color"])
 
-    return building.material("Sky", shade)
+    return _material("Sky", shade)
