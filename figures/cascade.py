@@ -1,4 +1,4 @@
-"""Cascaded point-spread functions of lens, motion and shutter as pictures (SIGGRAPH 1983, figure 5)."""
+"""Cascaded point-spread functions of lens, motion and shutter as pictures (1983, figure 5)."""
 
 from __future__ import annotations
 
@@ -321,4 +321,4 @@ def _framed(psf: Psf) -> npt.NDArray[np.float64]:
     return frame
 
 
-FIGURES = (Figure("motion_5", "SIGGRAPH 1983, figure 5: cascaded point-spread functions", draw_cascades),)
+FIGURES = (Figure("motion_5", "1983, figure 5: cascaded point-spread functions", draw_cascades),)

@@ -8,8 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from potmesil_addon.process import ProcessSettings
+from potmesil_addon.samples import Samples
+from potmesil_addon.sheets import on_display
 
-from .sheet import cut, displayed, write_sheet
+from .sheet import cut, displayed, markdown_table, write_sheet
 from .workshop import Drawing, Picture, Workshop, processed
 
 WHOLE = (0.0, 0.0, 1.0, 1.0)
@@ -31,6 +33,63 @@ def psnr(first: Picture, second: Picture) -> float:
     difference = displayed(first).astype(np.float64) - displayed(second)
     error = float(np.mean(difference * difference))
     return math.inf if error == 0.0 else 10.0 * math.log10(255.0**2 / error)
+
+
+def seen(samples: Samples, object_index: int) -> npt.NDArray[np.bool_]:
+    """Return where a picture shows an object and nothing else.
+
+    Parameters
+    ----------
+    samples : Samples
+        A samples file with object indices.
+    object_index : int
+        The object's pass index.
+
+    Returns
+    -------
+    ndarray of bool of shape (rows, columns)
+        The display window in final pixels; true where all samples of a pixel are the object's.
+    """
+    index = samples.layers[0].object_index
+    assert index is not None
+    shown = on_display(samples, (index == object_index).astype(np.float32)) == 1.0
+    factor = samples.supersampling
+    rows, columns = shown.shape
+    return shown.reshape(rows // factor, factor, columns // factor, factor).all(axis=(1, 3))
+
+
+def nearness(
+    where: dict[str, npt.NDArray[np.bool_]], reference: Picture, **pictures: Picture
+) -> dict[str, dict[str, float]]:
+    """Return how near pictures come to a reference in parts of it.
+
+    Parameters
+    ----------
+    where : dict of str to ndarray of bool of shape (rows, columns)
+        The parts.
+    reference : ndarray of float32 of shape (rows, columns, channels)
+        Scene-linear.
+    **pictures
+        Scene-linear pictures of the reference's size.
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        PSNR in decibels by part and picture.
+    """
+    return {
+        part: {
+            name: psnr(picture[mask][np.newaxis], reference[mask][np.newaxis])
+            for name, picture in pictures.items()
+        }
+        for part, mask in where.items()
+    }
+
+
+def nearness_table(numbers: dict[str, dict[str, float]], heads: tuple[str, str]) -> str:
+    """Return a table of what `nearness` returns for the pictures "pinhole" and "ours"."""
+    rows = [(part, f"{value['pinhole']:.1f}", f"{value['ours']:.1f}") for part, value in numbers.items()]
+    return markdown_table(("PSNR against Cycles' own, dB", *heads), rows)
 
 
 def side_by_side(
@@ -83,8 +142,11 @@ def side_by_side(
         f"{scene_name}-cycles", scene_name, lens=lens, shutter=shutter, samples=reference_samples
     )
     numbers = {"ours_db": psnr(ours, reference), "pinhole_db": psnr(pinhole, reference)}
-    near = f"{numbers['ours_db']:.1f} dB from Cycles, the pinhole picture {numbers['pinhole_db']:.1f} dB"
-    pictures = [("Pinhole", pinhole), ("Ours", ours), ("Cycles' own", reference)]
+    sharp = "Pinhole" if lens else "Instantaneous"
+    near = (
+        f"{numbers['ours_db']:.1f} dB from Cycles, the {sharp.lower()} picture {numbers['pinhole_db']:.1f} dB"
+    )
+    pictures = [(sharp, pinhole), ("Ours", ours), ("Cycles' own", reference)]
     path = write_sheet(
         workshop.path(name),
         [(text, _shown(picture, box)) for text, picture in pictures],

@@ -1,4 +1,4 @@
-"""Even motion of a still picture, blurred through the frequency domain (SIGGRAPH 1983, figure 4)."""
+"""Even motion of a still picture, blurred through the frequency domain (1983, figure 4)."""
 
 from __future__ import annotations
 
@@ -200,4 +200,4 @@ def _draw_magnitudes(axes: Axes, blur: UniformBlur) -> None:
     axes.legend(loc="upper right", ncols=2)
 
 
-FIGURES = (Figure("motion_4", "SIGGRAPH 1983, figure 4: uniform motion blur", draw_uniform_blur),)
+FIGURES = (Figure("motion_4", "1983, figure 4: uniform motion blur", draw_uniform_blur),)
