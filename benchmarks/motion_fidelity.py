@@ -9,11 +9,8 @@ build/bench/motion.
 from __future__ import annotations
 
 import argparse
-import functools
-import importlib
 import json
 import os
-import runpy
 import statistics
 import sys
 import time
@@ -35,13 +32,15 @@ import numpy as np  # noqa: E402
 import numpy.typing as npt  # noqa: E402
 from contact_sheet import write_sheet  # noqa: E402
 from motion_scenes import SCENES, MotionScene, open_scene  # noqa: E402
-from vector_blur import SAMPLE_COUNTS, Setup, save_render, setups, vector_blur  # noqa: E402
+from vector_blur import SAMPLE_COUNTS, Setup, setups, vector_blur  # noqa: E402
 
 from potmesil_addon import exr  # noqa: E402
 from potmesil_addon.errors import PotmesilError  # noqa: E402
 from potmesil_addon.motion import MOTION_MODELS  # noqa: E402
 from potmesil_addon.process import ProcessSettings, process, run  # noqa: E402
 from potmesil_addon.samples import Samples  # noqa: E402
+from sample_scenes import rendering  # noqa: E402
+from sample_scenes.rendering import saved_render  # noqa: E402
 
 Picture = npt.NDArray[np.float32]
 
@@ -216,7 +215,7 @@ class Work:
                 cycles.use_sample_subset = True
                 cycles.sample_offset, cycles.sample_subset_length = spp, chunk
                 bpy.ops.render.render(scene=scene.name)
-                total[number] = total[number] + chunk * save_render(scene, self.folder / "part.exr")
+                total[number] = total[number] + chunk * saved_render(scene)
             spp += chunk
             first, second = ((sum_ / spp).astype(np.float32) for sum_ in total)
             np.savez(self.reference_file, first=first, second=second, spp=spp)
@@ -228,14 +227,12 @@ class Work:
 
     def _render_samples(self, export: int) -> None:
         scene = open_scene(self.item)
-        extension = _extension()
+        rendering.extension()
         scene.cycles.seed = 5
         scene.cycles.samples = self.quality.samples
         scene.potmesil_camera.use_hidden_surfaces = self.kind == "hidden"
-        module = importlib.import_module(f"{extension}.operators.export")
         started = time.perf_counter()
-        part = self.folder / "part.exr"
-        module.render_samples(bpy.context, part)
+        part = rendering.render_samples(scene, self.folder / "part.exr")
         part.replace(self.samples_file(export))
         _say(f"{self.item.name}: samples exported in {time.perf_counter() - started:.1f} s")
 
@@ -375,12 +372,6 @@ def table(outcomes: list[Outcome]) -> str:
             "",
         ]
     return "\n".join(lines)
-
-
-@functools.cache
-def _extension() -> str:
-    """Load the extension, and return the name of its root package."""
-    return str(runpy.run_path(str(ROOT / "farm" / "run.py"))["load_extension"]().__name__)
 
 
 def _pair(likeness: measures.Likeness) -> str:

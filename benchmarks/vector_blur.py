@@ -12,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import OpenEXR
 
+from sample_scenes.rendering import saved_render
+
 if TYPE_CHECKING:
     from motion_scenes import Exposure
 
@@ -22,48 +24,6 @@ Array = npt.NDArray[np.float32]
 SAMPLE_COUNTS = (64, 256)
 
 _NO_SURFACE = 1e10
-
-
-def read_picture(path: Path) -> Array:
-    """Return the red, green and blue of an EXR file that Blender wrote.
-
-    Parameters
-    ----------
-    path : Path
-        With one layer.
-
-    Returns
-    -------
-    ndarray of float32 of shape (rows, columns, 3)
-        Scene-linear, row 0 on top.
-    """
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        channels = file.channels()
-        return np.stack([channels[name].pixels for name in "RGB"], axis=2).astype(np.float32)
-
-
-def save_render(scene: bpy.types.Scene, path: Path) -> Array:
-    """Return what was rendered last, by way of a file.
-
-    Parameters
-    ----------
-    scene : Scene
-        Whose image settings are used, and changed.
-    path : Path
-        Removed again.
-
-    Returns
-    -------
-    ndarray of float32 of shape (rows, columns, 3)
-        Scene-linear.
-    """
-    image = scene.render.image_settings
-    image.media_type = "IMAGE"
-    image.file_format, image.color_mode, image.color_depth = "OPEN_EXR", "RGB", "32"
-    bpy.data.images["Render Result"].save_render(str(path), scene=scene)
-    picture = read_picture(path)
-    path.unlink()
-    return picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +119,7 @@ def vector_blur(layer: SampleLayer, setup: Setup, folder: Path) -> Array:
         scene.cycles.use_denoising = False
         scene.compositing_node_group = tree
         bpy.ops.render.render(scene=scene.name)
-        return save_render(scene, folder / "node_output.exr")
+        return saved_render(scene)
     finally:
         bpy.data.scenes.remove(scene)
         bpy.data.node_groups.remove(tree)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 from PIL import Image
@@ -12,7 +13,7 @@ from .workshop import Drawing
 _DOCS = Path(__file__).resolve().parent.parent / "docs"
 _WIDTH = 1400
 _JPEG_QUALITY = 86
-_COLORS_OF_A_PLOT = 4000
+_COLORS_OF_A_PLOT = 10_000
 """More colours than this, and a picture is a photograph rather than a plot."""
 
 
@@ -39,15 +40,19 @@ def publish(name: str, drawing: Drawing, docs: Path = _DOCS) -> list[Path]:
         old.unlink(missing_ok=True)
     with Image.open(drawing.path) as opened:
         image = opened.convert("RGB")
+    photographic = image.getcolors(_COLORS_OF_A_PLOT) is None
     if image.width > _WIDTH:
         image = image.resize((_WIDTH, round(image.height * _WIDTH / image.width)), Image.Resampling.LANCZOS)
     written = []
-    if image.getcolors(_COLORS_OF_A_PLOT) is None:
+    if photographic:
         written.append(folder / f"{name}.jpg")
         image.save(written[-1], quality=_JPEG_QUALITY, subsampling=0, optimize=True)
     else:
         written.append(folder / f"{name}.png")
         image.quantize(256, dither=Image.Dither.NONE).save(written[-1], optimize=True)
+    for other in drawing.extra:
+        written.append(folder / other.name)
+        shutil.copyfile(other, written[-1])
     if drawing.table:
         written += _insert(name, drawing.table, docs)
     return written

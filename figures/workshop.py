@@ -19,7 +19,12 @@ from potmesil_addon.samples import Samples
 if TYPE_CHECKING:
     import bpy
 
+    from sample_scenes.catalogue import SampleScene
+
 Picture = npt.NDArray[np.float32]
+
+_EXPORT = Path(__file__).resolve().parent.parent / "operators"
+"""What makes samples files: they are rendered again when it changes."""
 
 _FINGERPRINT_LENGTH = 12
 
@@ -36,11 +41,14 @@ class Drawing:
         What was measured for it, ready for JSON.
     table : str
         Markdown for the documentation; may be empty.
+    extra : tuple of Path
+        Other files that the documentation shows, such as an animation.
     """
 
     path: Path
     numbers: dict[str, Any]
     table: str = ""
+    extra: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +114,12 @@ class Workshop:
         Path
             The file.
         """
-        text = "\n".join(
+        texts = [path.read_text(encoding="utf-8") for path in sorted(_EXPORT.glob("*.py"))]
+        texts += [
             inspect.getsource(item) if inspect.ismodule(item) or callable(item) else repr(item)
             for item in (*sources, self.percentage, self.samples)
-        )
+        ]
+        text = "\n".join(texts)
         mark = hashlib.sha256(text.encode()).hexdigest()[:_FINGERPRINT_LENGTH]
         stem, _, ending = name.partition(".")
         path = self.folder / "cache" / f"{stem}-{mark}.{ending}"
@@ -127,21 +137,34 @@ class Workshop:
         *,
         prepare: Callable[[bpy.types.Scene], None] | None = None,
     ) -> Samples:
-        """Return the samples of a scene, rendered once.
+        """Return the samples of a scene, rendered once; see `rendered_path`."""
+        return exr.read_samples(self.rendered_path(name, scene_name, prepare=prepare))
+
+    def rendered_path(
+        self,
+        name: str,
+        scene_name: str,
+        *,
+        prepare: Callable[[bpy.types.Scene], None] | None = None,
+        frame: int | None = None,
+    ) -> Path:
+        """Return the samples file of a scene, rendered once.
 
         Parameters
         ----------
         name : str
-            Of the samples file.
+            Of the samples file, without its ending.
         scene_name : str
             A name in the catalogue of scenes.
         prepare : callable, optional
-            Changes the scene before it is rendered, such as its frame.
+            Changes the scene before it is rendered.
+        frame : int, optional
+            In place of the scene's current one. The name has to say which it is.
 
         Returns
         -------
-        Samples
-            What the file holds.
+        Path
+            The file.
         """
         # Figures without scenes need no Blender.
         from sample_scenes import building, catalogue, rendering  # noqa: PLC0415
@@ -153,10 +176,11 @@ class Workshop:
             scene = item.open(percentage=self.percentage, samples=self.samples)
             if prepare is not None:
                 prepare(scene)
+            if frame is not None:
+                scene.frame_set(frame)
             rendering.render_samples(scene, path)
 
-        sources = (building, inspect.getmodule(item.build), item.options, prepare)
-        return exr.read_samples(self.cached(f"{name}.exr", make, *sources))
+        return self.cached(f"{name}.exr", make, building, *_sources(item), prepare)
 
     def cycles(
         self,
@@ -201,8 +225,18 @@ class Workshop:
             opaque = np.ones((*picture.shape[:2], 1), dtype=np.float32)
             exr.write_picture(path, np.concatenate([picture, opaque], axis=2), {})
 
-        sources = (building, inspect.getmodule(item.build), item.options, prepare, lens, shutter, count)
+        sources = (building, *_sources(item), prepare, lens, shutter, count)
         return rendering.read_picture(self.cached(f"{name}.exr", make, *sources))
+
+
+def _sources(item: SampleScene) -> list[Any]:
+    """Return what a scene depends on: its module, those of scenes that it takes things from, its options."""
+    module = inspect.getmodule(item.build)
+    assert module is not None
+    used = {inspect.getmodule(value) for value in vars(module).values() if callable(value)}
+    package = module.__name__.rpartition(".")[0]
+    own = [other for other in used if other is not None and other.__name__.startswith(f"{package}.")]
+    return [module, *sorted(own, key=lambda other: other.__name__), item.options]
 
 
 def processed(samples: Samples, settings: ProcessSettings) -> Result:

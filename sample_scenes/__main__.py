@@ -18,7 +18,7 @@ def main() -> int:
         if name not in SCENES:
             parser.error(f"there is no scene '{name}'; choose from {', '.join(SCENES)}")
     options.output.mkdir(parents=True, exist_ok=True)
-    for name in options.names or SCENES:
+    for name in options.names or [name for name, item in SCENES.items() if item.saved]:
         path = options.output.resolve() / f"{name}.blend"
         save(name, path)
         print(f"Saved: {path.name}, {path.stat().st_size / 1000:.0f} kB")

@@ -9,8 +9,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import bpy  # isort: skip - brings bmesh and mathutils
 import bmesh
-import bpy
 import numpy as np
 import numpy.typing as npt
 from mathutils import Matrix, Vector
@@ -73,6 +73,33 @@ def sky(scene: bpy.types.Scene, color: Color, strength: float = 1.0) -> bpy.type
     background.inputs["Color"].default_value = (*color, 1.0)
     background.inputs["Strength"].default_value = strength
     return background
+
+
+def gradient_sky(scene: bpy.types.Scene, stops: Sequence[tuple[float, Color]], strength: float) -> None:
+    """Let the world shine in colours that go by height.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    stops : sequence of (float, tuple of float)
+        Places from 0 (straight down) over 0.5 (the horizon) to 1 (straight up), rising, with their
+        scene-linear colours.
+    strength : float
+        Of all colours.
+    """
+    background = sky(scene, (1.0, 1.0, 1.0), strength)
+    tree = scene.world.node_tree
+    direction = node(tree, "TexCoord").outputs["Generated"]
+    height = node(tree, "SeparateXYZ", Vector=direction).outputs["Z"]
+    share = node(tree, "MapRange", Value=height, From_Min=-1.0).outputs[0]
+    ramp = node(tree, "ValToRGB", Fac=share)
+    elements = ramp.color_ramp.elements
+    while len(elements) < len(stops):
+        elements.new(0.5)
+    for element, (position, color) in zip(elements, stops, strict=True):
+        element.position, element.color = position, (*color, 1.0)
+    tree.links.new(ramp.outputs["Color"], background.inputs["Color"])
 
 
 def add(
@@ -246,14 +273,21 @@ def mesh(name: str, build: Callable[[bmesh.types.BMesh], Any], *, smooth: bool =
 
 
 def box(name: str, size: Vector3, *, bevel: float = 0.0) -> bpy.types.Mesh:
-    """Return a box around the origin, each face with the whole texture; edges may be rounded (metres)."""
+    """Return a box around the origin, edges rounded by so many metres.
+
+    Each face shows the whole texture, upright on the four sides.
+    """
 
     def build(work: bmesh.types.BMesh) -> None:
         bmesh.ops.create_cube(work, size=1.0, matrix=Matrix.Diagonal((*size, 1.0)), calc_uvs=True)
         uv = work.loops.layers.uv.active
         for face in work.faces:
-            for loop, place in zip(face.loops, ((0, 0), (1, 0), (1, 1), (0, 1)), strict=True):
-                loop[uv].uv = place
+            level = abs(face.normal.z) > 0.5
+            up = Vector((0.0, 1.0, 0.0)) if level else Vector((0.0, 0.0, 1.0))
+            right = up.cross(face.normal)
+            for loop in face.loops:
+                place = loop.vert.co
+                loop[uv].uv = (0.5 + math.copysign(0.5, right @ place), 0.5 + math.copysign(0.5, up @ place))
         if bevel > 0.0:
             bmesh.ops.bevel(work, geom=work.edges[:], offset=bevel, segments=3, profile=0.5, affect="EDGES")
 

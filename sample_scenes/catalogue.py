@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from . import cube_and_sphere
+from . import carafe, cube_and_sphere, magnet, mirror, night_street, still_life, wheels
 
 FOLDER = Path(__file__).resolve().parent
 
@@ -27,11 +27,14 @@ class SampleScene:
         What it shows.
     options : dict
         Arguments of `build`.
+    saved : bool
+        Whether it has a .blend file.
     """
 
     build: Callable[..., bpy.types.Scene]
     purpose: str
     options: dict[str, Any] = field(default_factory=dict)
+    saved: bool = True
 
     def open(self, *, percentage: int = 100, samples: int | None = None) -> bpy.types.Scene:
         """Build the scene, smaller or with other samples where asked.
@@ -57,6 +60,16 @@ class SampleScene:
 
 SCENES: dict[str, SampleScene] = {
     "cube_and_sphere": SampleScene(cube_and_sphere.build, "TOG 1982, figures 11 to 14"),
+    "cube_and_sphere_moving": SampleScene(
+        cube_and_sphere.build, "the same with both in motion", {"moving": True}, saved=False
+    ),
+    "magnet": SampleScene(magnet.build, "1983, figure 7"),
+    "night_street": SampleScene(night_street.build, "highlights far out of focus"),
+    "still_life": SampleScene(still_life.build, "a macro lens and a near foreground"),
+    "carafe": SampleScene(carafe.build, "TOG 1982, figure 15"),
+    "carafe_glass": SampleScene(carafe.build, "TOG 1982, figure 16", {"transparent": True}),
+    "mirror": SampleScene(mirror.build, "1983, figure 8"),
+    "wheels": SampleScene(wheels.build, "a fast action, the camera going along"),
 }
 
 

@@ -7,16 +7,13 @@ the cube wears our own plumage.
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable
 
 import bpy
-import numpy as np
-import numpy.typing as npt
 
 from . import building
-from .plumage import plumage
+from .plumage import drawn_plumage
 
 SPHERE_DISTANCE = 0.290
 CUBE_DISTANCE = 0.550
@@ -100,15 +97,9 @@ def _material(
     return material
 
 
-@functools.cache
-def _texture() -> npt.NDArray[np.float64]:
-    """Return the picture lying on its side, as a box's faces turn it upright."""
-    return np.rot90(plumage(TEXTURE_SIDE), -1)
-
-
 def _feathers() -> bpy.types.Material:
     """Our picture in place of the papers' mandrill, once on every side."""
-    image = building.picture("Plumage", _texture())
+    image = building.picture("Plumage", drawn_plumage(TEXTURE_SIDE))
 
     def shade(tree: bpy.types.ShaderNodeTree) -> bpy.types.NodeSocket:
         return _lit(

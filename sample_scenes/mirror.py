@@ -14,7 +14,7 @@ import numpy as np
 
 from . import building
 from .carafe import glass
-from .plumage import plumage
+from .plumage import drawn_plumage
 
 FRAME = 1
 
@@ -82,7 +82,7 @@ def build() -> bpy.types.Scene:
 
 def _add_moving(scene: bpy.types.Scene) -> None:
     """Add the cube and the spheres with their keys."""
-    image = building.picture("Plumage", plumage(_PICTURE_SIDE))
+    image = building.picture("Plumage", drawn_plumage(_PICTURE_SIDE))
     cube = building.add(
         scene,
         "Cube",

@@ -7,6 +7,7 @@ the picture's side, x to the right and y down from the upper left corner.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -79,6 +80,10 @@ def plumage(side: int, seed: int = 1982) -> Array:
     values = canvas.values * (1.0 + 0.05 * _clouds(canvas.side, rng))[..., np.newaxis]
     averaged = values.reshape(side, _FINER, side, _FINER, 3).mean(axis=(1, 3))
     return np.clip(averaged, 0.0, 1.0)
+
+
+drawn_plumage = functools.cache(plumage)
+"""The same picture, drawn once for all scenes of a session; to be read only."""
 
 
 class _Canvas:

@@ -23,6 +23,7 @@ SEEN: dict[str, Any] = {"errors": []}
 RENDER_BUTTON = (70, 97)
 PROCESS_BUTTON = (190, 97)
 CURVE_TITLE = (100, 553)
+PRINTER_TITLE = (100, 579)
 
 
 def shot(name: str) -> None:
@@ -105,6 +106,7 @@ def story() -> Iterator[float]:
     yield 1.5
     shot("panel")
     yield from shutter_panel()
+    yield from printer_panel()
     click(RENDER_BUTTON)
     yield from wait(lambda: state().running, 5.0)
     SEEN["started"] = state().running
@@ -148,6 +150,18 @@ def shutter_panel() -> Iterator[float]:
     yield 1.0
     shot("shutter_curve")
     click(CURVE_TITLE)
+    yield 0.5
+
+
+def printer_panel() -> Iterator[float]:
+    """Open the printer's settings, and close them."""
+    own = bpy.context.scene.potmesil_camera
+    own.uniform_defocus, own.fade = 1.5, 0.6
+    click(PRINTER_TITLE)
+    yield 1.0
+    shot("printer")
+    own.uniform_defocus, own.fade = 0.0, 1.0
+    click(PRINTER_TITLE)
     yield 0.5
 
 

@@ -93,7 +93,7 @@ def test_escape_cancels_the_render_and_gives_everything_back(seen: dict[str, Any
     assert seen["file_format"] == "PNG"
 
 
-@pytest.mark.parametrize("name", ["panel", "shutter_curve", "rendered", "processed", "exposed"])
+@pytest.mark.parametrize("name", ["panel", "shutter_curve", "printer", "rendered", "processed", "exposed"])
 def test_window_is_drawn(seen: dict[str, Any], name: str) -> None:
     png = pytest.importorskip("png")
     columns, rows, lines, _ = png.Reader(str(PICTURES / f"{name}.png")).asRGB8()
