@@ -75,6 +75,13 @@ def sky(scene: bpy.types.Scene, color: Color, strength: float = 1.0) -> bpy.type
     return background
 
 
+def extension_settings(scene: bpy.types.Scene, **values: Any) -> None:
+    """Change the extension's settings of a scene, by name, where the extension is registered."""
+    if hasattr(scene, "potmesil_camera"):
+        for name, value in values.items():
+            setattr(scene.potmesil_camera, name, value)
+
+
 def gradient_sky(scene: bpy.types.Scene, stops: Sequence[tuple[float, Color]], strength: float) -> None:
     """Let the world shine in colours that go by height.
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from . import carafe, cube_and_sphere, magnet, mirror, night_street, still_life, wheels
+from . import carafe, cube_and_sphere, magnet, mirror, night_street, rendering, still_life, wheels
 
 FOLDER = Path(__file__).resolve().parent
 
@@ -63,12 +63,12 @@ SCENES: dict[str, SampleScene] = {
     "cube_and_sphere_moving": SampleScene(
         cube_and_sphere.build, "the same with both in motion", {"moving": True}, saved=False
     ),
-    "magnet": SampleScene(magnet.build, "1983, figure 7"),
-    "night_street": SampleScene(night_street.build, "highlights far out of focus"),
-    "still_life": SampleScene(still_life.build, "a macro lens and a near foreground"),
     "carafe": SampleScene(carafe.build, "TOG 1982, figure 15"),
     "carafe_glass": SampleScene(carafe.build, "TOG 1982, figure 16", {"transparent": True}),
+    "magnet": SampleScene(magnet.build, "1983, figure 7"),
     "mirror": SampleScene(mirror.build, "1983, figure 8"),
+    "night_street": SampleScene(night_street.build, "highlights far out of focus"),
+    "still_life": SampleScene(still_life.build, "a macro lens and a near foreground"),
     "wheels": SampleScene(wheels.build, "a fast action, the camera going along"),
 }
 
@@ -79,7 +79,7 @@ def file_of(name: str) -> Path:
 
 
 def save(name: str, path: Path) -> None:
-    """Build a scene and save it, compressed and with everything packed.
+    """Build a scene and save it, compressed and with everything packed, the extension's settings with it.
 
     Parameters
     ----------
@@ -88,5 +88,15 @@ def save(name: str, path: Path) -> None:
     path : Path
         The .blend file. Files of Blender 4.5 open in every later one.
     """
+    rendering.extension()
     SCENES[name].open()
+    _forget_folders()
     bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, copy=True)
+
+
+def _forget_folders() -> None:
+    """Let the file browsers in the screens begin beside the .blend file, and not in someone's home folder."""
+    for screen in bpy.data.screens:
+        for space in (space for area in screen.areas for space in area.spaces):
+            if space.type == "FILE_BROWSER" and space.params is not None:
+                space.params.directory = b"//"

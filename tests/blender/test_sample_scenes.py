@@ -48,8 +48,16 @@ def contents(scene: Any) -> dict[str, Any]:
         "size": [scene.render.resolution_x, scene.render.resolution_y],
         "samples": scene.cycles.samples,
         "frame": scene.frame_current,
+        "extension": [getattr(scene.potmesil_camera, name) for name in ("use_lens", "point_samples")],
         "exposure": [round(scene.render.motion_blur_shutter, 4), scene.render.motion_blur_position],
     }
+
+
+def browsed_folders() -> list[bytes]:
+    """Return where the file browsers in the file's screens begin."""
+    areas = [area for screen in bpy.data.screens for area in screen.areas]
+    spaces = [space for area in areas for space in area.spaces if space.type == "FILE_BROWSER"]
+    return [space.params.directory for space in spaces if space.params is not None]
 
 
 @pytest.fixture(scope="module", params=SAVED)
@@ -58,7 +66,7 @@ def name(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture(scope="module")
-def built(name: str) -> dict[str, Any]:
+def built(name: str, extension: Any) -> dict[str, Any]:
     return contents(catalogue.SCENES[name].open())
 
 
@@ -74,6 +82,7 @@ def test_the_file_is_what_the_script_builds(
     # Everything that the file needs is in it.
     assert all(image.packed_file for image in bpy.data.images if image.source == "FILE")
     assert not bpy.data.libraries
+    assert set(browsed_folders()) <= {b"//"}
     longer = max(scene.render.resolution_x, scene.render.resolution_y)
     scene.render.resolution_percentage = max(1, round(100 * WIDTH / longer))
     scene.cycles.samples = 1
