@@ -108,7 +108,9 @@ def _render(
     from ..potmesil_addon.process import process, run  # noqa: PLC0415
 
     frames = (scene.frame_current,) if options.frames is None else parse_frames(options.frames)
-    cli.process_settings(options, frames[0])  # what is wrong with them is said before the first render
+    # What is wrong with the options is said before the first render.
+    for frame in frames:
+        cli.process_settings(options, frame)
     output = Path(bpy.path.abspath(options.output)).absolute()
     cli.check_output(output)
     mask = None if options.mask is None else Path(bpy.path.abspath(options.mask)).absolute()

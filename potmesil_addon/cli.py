@@ -591,8 +591,10 @@ def _process(options: argparse.Namespace) -> int:
             check_output(Path(path))
     frames = _frames(options)
     # What is wrong with the settings is said before the first picture.
-    process_settings(options, frames[0])
+    for frame in frames:
+        process_settings(options, frame)
     jobs = [_Job.create(options, frame, several=len(frames) > 1) for frame in frames]
+    _refuse_replacing(jobs)
     jit.set_thread_count(options.threads)
     layers = tuple(options.layer) if options.layer else None
     samples, last = None, None
@@ -627,7 +629,7 @@ class _Job:
 
     @classmethod
     def create(cls, options: argparse.Namespace, frame: int | None, *, several: bool) -> _Job:
-        """Name the files, and refuse names that would replace each other."""
+        """Name the files."""
 
         def named(template: Path | None) -> Path | None:
             if template is None or frame is None:
@@ -637,12 +639,18 @@ class _Job:
         source = options.input if frame is None else frame_path(options.input, frame)
         output, mask = named(options.output), named(None if options.mask is None else Path(options.mask))
         assert output is not None
-        targets = [path.resolve() for path in (output, mask) if path is not None]
-        if source.resolve() in targets:
+        return cls(frame, source, output, mask, named(options.report))
+
+
+def _refuse_replacing(jobs: Sequence[_Job]) -> None:
+    """Raise SettingsError if a picture would replace a samples file of any frame, or a mask a picture."""
+    sources = {job.source.resolve() for job in jobs}
+    for job in jobs:
+        targets = [path.resolve() for path in (job.output, job.mask) if path is not None]
+        if not sources.isdisjoint(targets):
             raise SettingsError("The output would replace the samples file; give another name.")
         if len(set(targets)) < len(targets):
             raise SettingsError("The mask would replace the picture; give another name.")
-        return cls(frame, source, output, mask, named(options.report))
 
 
 def _process_frame(job: _Job, samples: Samples, options: argparse.Namespace) -> None:

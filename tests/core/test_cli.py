@@ -1017,6 +1017,7 @@ def test_a_sequence_without_frames_is_3(potmesil: Runner, tmp_path: Path) -> Non
     [
         ("--fade", "1=0,2=1"),
         ("--fade", "-1"),
+        ("--fade", "1=1,2=-1", "--frames", "1-2"),
         ("--fade", "x"),
         ("--uniform-defocus", "inf"),
         ("--focus-distance", "2=1,1=2"),
@@ -1027,13 +1028,19 @@ def test_a_sequence_without_frames_is_3(potmesil: Runner, tmp_path: Path) -> Non
 def test_wrong_keys_are_2_before_any_work(potmesil: Runner, tmp_path: Path, words: tuple[str, ...]) -> None:
     still = rendered_file(tmp_path)
     one_line(potmesil("process", still, "-o", tmp_path / "o.exr", *words), 2)
-    assert not (tmp_path / "o.exr").exists()
+    assert list(tmp_path.glob("o*")) == []
 
 
 def test_no_frame_replaces_its_samples(potmesil: Runner, tmp_path: Path) -> None:
     template = sequence(tmp_path / "in", 1, 2)
     line = one_line(potmesil("process", template, "-o", tmp_path / "in" / "s.####.exr"), 2)
     assert "replace the samples file" in line
+    # Nor those of another frame: the mask of frame 1 would be the samples of frame 11.
+    template = sequence(tmp_path / "in", 1, 11)
+    words = ("--frames", "1,11", "--mask", tmp_path / "in" / "s.001#.exr")
+    assert "replace the samples file" in one_line(
+        potmesil("process", template, "-o", tmp_path / "o.exr", *words), 2
+    )
 
 
 @pytest.mark.parametrize("command", ["info", "process"])

@@ -157,7 +157,11 @@ def printer_panel() -> Iterator[float]:
     """Open the printer's settings, and close them."""
     own = bpy.context.scene.potmesil_camera
     own.uniform_defocus, own.fade = 1.5, 0.6
+    area("PROPERTIES").tag_redraw()
+    yield 0.5
     click(PRINTER_TITLE)
+    yield 0.5
+    area("PROPERTIES").tag_redraw()
     yield 1.0
     shot("printer")
     own.uniform_defocus, own.fade = 0.0, 1.0
