@@ -22,8 +22,8 @@ SEEN: dict[str, Any] = {"errors": []}
 # Where the Render button is, from the left and the top of the Properties editor's region.
 RENDER_BUTTON = (70, 97)
 PROCESS_BUTTON = (190, 97)
-CURVE_TITLE = (100, 553)
-PRINTER_TITLE = (100, 579)
+CURVE_TITLE = (100, 573)
+PRINTER_TITLE = (100, 600)
 
 
 def shot(name: str) -> None:
@@ -157,11 +157,7 @@ def printer_panel() -> Iterator[float]:
     """Open the printer's settings, and close them."""
     own = bpy.context.scene.potmesil_camera
     own.uniform_defocus, own.fade = 1.5, 0.6
-    area("PROPERTIES").tag_redraw()
-    yield 0.5
     click(PRINTER_TITLE)
-    yield 0.5
-    area("PROPERTIES").tag_redraw()
     yield 1.0
     shot("printer")
     own.uniform_defocus, own.fade = 0.0, 1.0
