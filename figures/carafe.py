@@ -6,32 +6,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from potmesil_addon.process import ProcessSettings
-
-from .comparison import nearness, nearness_table, seen, side_by_side
-from .workshop import Drawing, Figure, Workshop, processed
+from .comparison import by_parts, compare, parts_table, seen, side_by_side
+from .workshop import Drawing, Figure, Workshop
 
 CARAFE = 1
 """The carafe's object index in both scenes."""
 
 _SECTION = (0.19, 0.19, 0.81, 0.81)
-_REFERENCE_SAMPLES = 256
 
 
 def _draw(workshop: Workshop, name: str, scene_name: str, what: str) -> Drawing:
-    drawing = side_by_side(
-        workshop, name, scene_name, reference_samples=_REFERENCE_SAMPLES, box=_SECTION, what=what
-    )
-    samples = workshop.rendered(scene_name, scene_name)
-    carafe = seen(samples, CARAFE)
-    parts = nearness(
+    compared = compare(workshop, scene_name)
+    drawing = side_by_side(workshop, name, compared, box=_SECTION, what=what)
+    carafe = seen(compared.samples, CARAFE)
+    parts = by_parts(
+        compared,
         {"Whole picture": np.ones_like(carafe), "Carafe": carafe, "All but the carafe": ~carafe},
-        workshop.cycles(f"{scene_name}-cycles", scene_name, lens=True, samples=_REFERENCE_SAMPLES),
-        pinhole=processed(samples, ProcessSettings(use_lens=False, use_motion=False)).picture,
-        ours=processed(samples, ProcessSettings(use_motion=False)).picture,
     )
-    table = nearness_table(parts, ("pinhole", "ours"))
-    return replace(drawing, numbers={**drawing.numbers, "parts_db": parts}, table=table)
+    return replace(
+        drawing, numbers={**drawing.numbers, "parts_db": parts}, table=parts_table(parts, "pinhole")
+    )
 
 
 def _draw_opaque(workshop: Workshop) -> Drawing:

@@ -18,7 +18,9 @@ from scipy import ndimage
 
 from potmesil_addon import cli, exr
 from potmesil_addon.frames import frame_path
+from potmesil_addon.samples import Samples
 
+from .comparison import seen
 from .sheet import STYLE, displayed, write_plot
 from .workshop import Drawing, Figure, Picture, Workshop
 
@@ -68,7 +70,7 @@ def draw(workshop: Workshop) -> Drawing:
     template = _sequence(workshop)
     folder = workshop.folder / "cinematographer"
     films = {shot.name: _shoot(shot, template, folder) for shot in SHOTS}
-    masks = regions(exr.read_samples(frame_path(template, 1)).layers[0].object_index)
+    masks = regions(exr.read_samples(frame_path(template, 1)))
     sharp = {name: sharpness(film, masks) for name, film in films.items()}
     light = [float(picture[..., :3].mean()) for picture in films["fade"]]
     numbers = {
@@ -83,22 +85,21 @@ def draw(workshop: Workshop) -> Drawing:
     return Drawing(path, numbers, extra=(_animation(workshop.folder / "cinematographer.webp", films),))
 
 
-def regions(index: npt.NDArray[np.int32] | None) -> dict[str, npt.NDArray[np.bool_]]:
+def regions(samples: Samples) -> dict[str, npt.NDArray[np.bool_]]:
     """Return where each thing is seen, without its outline.
 
     Parameters
     ----------
-    index : ndarray of int32 of shape (rows, columns)
-        Object index of the samples.
+    samples : Samples
+        With object indices.
 
     Returns
     -------
-    dict of str to ndarray of bool
+    dict of str to ndarray of bool of shape (rows, columns)
         One mask a thing.
     """
-    assert index is not None
     return {
-        name: ndimage.binary_erosion(index == number, iterations=_RIM, border_value=1)
+        name: ndimage.binary_erosion(seen(samples, number), iterations=_RIM, border_value=1)
         for name, number in THINGS.items()
     }
 

@@ -1,8 +1,9 @@
-"""Pinhole, ours and Cycles' own beside each other, with how near ours comes."""
+"""The sharp picture, ours and Cycles' own beside each other, with how near ours comes."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -58,71 +59,90 @@ def seen(samples: Samples, object_index: int) -> npt.NDArray[np.bool_]:
     return shown.reshape(rows // factor, factor, columns // factor, factor).all(axis=(1, 3))
 
 
-def nearness(
-    where: dict[str, npt.NDArray[np.bool_]], reference: Picture, **pictures: Picture
-) -> dict[str, dict[str, float]]:
-    """Return how near pictures come to a reference in parts of it.
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A scene three times.
 
     Parameters
     ----------
-    where : dict of str to ndarray of bool of shape (rows, columns)
-        The parts.
-    reference : ndarray of float32 of shape (rows, columns, channels)
-        Scene-linear.
-    **pictures
-        Scene-linear pictures of the reference's size.
-
-    Returns
-    -------
-    dict of str to dict of str to float
-        PSNR in decibels by part and picture.
+    samples : Samples
+        What ours is made from.
+    sharp : ndarray of float32 of shape (rows, columns, 4)
+        The samples without any blur.
+    ours : ndarray of float32 of shape (rows, columns, 4)
+        By our processors.
+    reference : ndarray of float32 of shape (rows, columns, 3)
+        Cycles' own depth of field or motion blur.
+    lens : bool
+        Whether with depth of field; otherwise it is motion blur alone.
     """
-    return {
-        part: {
-            name: psnr(picture[mask][np.newaxis], reference[mask][np.newaxis])
-            for name, picture in pictures.items()
-        }
-        for part, mask in where.items()
-    }
+
+    samples: Samples
+    sharp: Picture
+    ours: Picture
+    reference: Picture
+    lens: bool
 
 
-def nearness_table(numbers: dict[str, dict[str, float]], heads: tuple[str, str]) -> str:
-    """Return a table of what `nearness` returns for the pictures "pinhole" and "ours"."""
-    rows = [(part, f"{value['pinhole']:.1f}", f"{value['ours']:.1f}") for part, value in numbers.items()]
-    return markdown_table(("PSNR against Cycles' own, dB", *heads), rows)
-
-
-def side_by_side(
+def compare(
     workshop: Workshop,
-    name: str,
     scene_name: str,
     *,
     lens: bool = True,
     shutter: bool = False,
     reference_samples: int = 256,
-    settings: ProcessSettings | None = None,
-    box: tuple[float, float, float, float] = WHOLE,
-    columns: int = 3,
-    what: str = "",
-) -> Drawing:
-    """Draw a scene three times: pinhole, by our processors, and by Cycles' own depth of field or motion blur.
+) -> Compared:
+    """Render a scene for us and with Cycles' own blur, and process it.
 
     Parameters
     ----------
     workshop : Workshop
         Where and how large.
-    name : str
-        The figure's name.
     scene_name : str
         A scene in the catalogue, whose camera has the lens and whose shutter is the scene's.
     lens, shutter : bool
         Whether with depth of field and with motion blur.
     reference_samples : int
         Cycles' samples a pixel of the reference.
-    settings : ProcessSettings, optional
-        How the samples are processed otherwise.
+
+    Returns
+    -------
+    Compared
+        The pictures.
+    """
+    samples = workshop.rendered(scene_name, scene_name)
+    return Compared(
+        samples,
+        processed(samples, ProcessSettings(use_lens=False, use_motion=False)).picture,
+        processed(samples, ProcessSettings(use_lens=lens, use_motion=shutter)).picture,
+        workshop.cycles(
+            f"{scene_name}-cycles", scene_name, lens=lens, shutter=shutter, samples=reference_samples
+        ),
+        lens,
+    )
+
+
+def side_by_side(
+    workshop: Workshop,
+    name: str,
+    compared: Compared,
+    *,
+    box: tuple[float, float, float, float] = WHOLE,
+    columns: int = 3,
+    what: str = "",
+) -> Drawing:
+    """Draw a scene three times: without blur, by our processors, and by Cycles.
+
+    Parameters
+    ----------
+    workshop : Workshop
+        Where.
+    name : str
+        The figure's name.
+    compared : Compared
+        The pictures.
     box : tuple of float
-        Part of the picture that is shown, as shares of its size.
+        Part of them that is shown, as shares of their size.
     columns : int
         Pictures in a row.
     what : str
@@ -131,30 +151,47 @@ def side_by_side(
     Returns
     -------
     Drawing
-        The sheet. ``numbers`` has the PSNR of ours and of the pinhole picture against Cycles' own, in dB.
+        The sheet. ``numbers`` has the PSNR of ours and of the sharp picture against Cycles' own, in dB.
     """
-    samples = workshop.rendered(scene_name, scene_name)
-    pinhole = processed(samples, ProcessSettings(use_lens=False, use_motion=False)).picture
-    if settings is None:
-        settings = ProcessSettings(use_lens=lens, use_motion=shutter)
-    ours = processed(samples, settings).picture
-    reference = workshop.cycles(
-        f"{scene_name}-cycles", scene_name, lens=lens, shutter=shutter, samples=reference_samples
-    )
-    numbers = {"ours_db": psnr(ours, reference), "pinhole_db": psnr(pinhole, reference)}
-    sharp = "Pinhole" if lens else "Instantaneous"
-    near = (
-        f"{numbers['ours_db']:.1f} dB from Cycles, the {sharp.lower()} picture {numbers['pinhole_db']:.1f} dB"
-    )
-    pictures = [(sharp, pinhole), ("Ours", ours), ("Cycles' own", reference)]
+    sharp, ours = (psnr(picture, compared.reference) for picture in (compared.sharp, compared.ours))
+    title = "Pinhole" if compared.lens else "Instantaneous"
+    near = f"Ours is {ours:.1f} dB from Cycles, the {title.lower()} picture {sharp:.1f} dB."
+    pictures = [(title, compared.sharp), ("Ours", compared.ours), ("Cycles' own", compared.reference)]
     path = write_sheet(
         workshop.path(name),
-        [(text, _shown(picture, box)) for text, picture in pictures],
+        [(text, displayed(cut(picture, box))) for text, picture in pictures],
         columns,
-        caption=f"{what} Ours is {near}.".strip(),
+        caption=f"{what} {near}".strip(),
     )
-    return Drawing(path, numbers)
+    return Drawing(path, {"ours_db": ours, "sharp_db": sharp})
 
 
-def _shown(picture: Picture, box: tuple[float, float, float, float]) -> npt.NDArray[np.uint8]:
-    return displayed(cut(picture, box))
+def by_parts(compared: Compared, parts: dict[str, npt.NDArray[np.bool_]]) -> dict[str, dict[str, float]]:
+    """Return how near the sharp picture and ours come to Cycles' own in parts of the picture.
+
+    Parameters
+    ----------
+    compared : Compared
+        The pictures.
+    parts : dict of str to ndarray of bool of shape (rows, columns)
+        The parts by name.
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        PSNR in decibels by part and picture, ``sharp`` and ``ours``.
+    """
+    pictures = {"sharp": compared.sharp, "ours": compared.ours}
+    return {
+        part: {
+            name: psnr(picture[mask][np.newaxis], compared.reference[mask][np.newaxis])
+            for name, picture in pictures.items()
+        }
+        for part, mask in parts.items()
+    }
+
+
+def parts_table(numbers: dict[str, dict[str, float]], sharp: str) -> str:
+    """Return a table of what `by_parts` returns, with a name for the sharp picture."""
+    rows = [(part, f"{value['sharp']:.1f}", f"{value['ours']:.1f}") for part, value in numbers.items()]
+    return markdown_table(("PSNR against Cycles' own, dB", sharp, "ours"), rows)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from .comparison import side_by_side
+from .comparison import compare, side_by_side
 from .workshop import Drawing, Figure, Workshop
 
 _REFERENCE_SAMPLES = 96
@@ -12,16 +12,8 @@ _REFERENCE_SAMPLES = 96
 
 
 def _draw(workshop: Workshop, *, scene: str, lens: bool, what: str) -> Drawing:
-    return side_by_side(
-        workshop,
-        scene,
-        scene,
-        lens=lens,
-        shutter=not lens,
-        reference_samples=_REFERENCE_SAMPLES,
-        columns=1,
-        what=what,
-    )
+    compared = compare(workshop, scene, lens=lens, shutter=not lens, reference_samples=_REFERENCE_SAMPLES)
+    return side_by_side(workshop, scene, compared, columns=1, what=what)
 
 
 FIGURES = (

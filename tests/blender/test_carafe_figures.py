@@ -84,7 +84,7 @@ def test_glass_shows_the_floor_and_glaze_mirrors_it(workshop):
 def test_figure_defocuses_the_floor_alone(workshop, figure):
     drawing = figure.draw(workshop)
     assert drawing.path.exists()
-    assert drawing.numbers["ours_db"] > drawing.numbers["pinhole_db"] + 2.0
+    assert drawing.numbers["ours_db"] > drawing.numbers["sharp_db"] + 2.0
     samples = workshop.rendered("carafe", "carafe")
     pinhole = processed(samples, ProcessSettings(use_lens=False, use_motion=False)).picture
     ours = processed(samples, ProcessSettings(use_motion=False)).picture

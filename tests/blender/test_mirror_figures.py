@@ -83,7 +83,7 @@ def test_figure_comes_nearer_where_things_move(workshop):
     assert drawing.path.exists()
     parts = drawing.numbers["parts_db"]
     cube = parts["Cube, where it is at the instant"]
-    assert cube["ours"] > cube["pinhole"] + 3.0
+    assert cube["ours"] > cube["sharp"] + 3.0
     assert parts["Mirror, where nothing comes before it"]["ours"] < parts["All but the mirror"]["ours"]
     assert drawing.numbers["share_of_mirror_unchanged"] > 0.7
 
