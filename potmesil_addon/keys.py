@@ -63,7 +63,7 @@ class Keys:
         SettingsError
             If the value depends on the frame and there is none.
         """
-        if not self.frames:
+        if not self.animated:
             return self.values[0]
         if frame is None:
             raise SettingsError("Values with keys (FRAME=VALUE) need frames; give --frames.")

@@ -19,9 +19,7 @@ Vector3 = tuple[float, float, float]
 Color = tuple[float, float, float]
 
 
-def empty_scene(
-    name: str, columns: int, rows: int, *, samples: int, bounces: int = 4, exposure: float = 0.0
-) -> bpy.types.Scene:
+def empty_scene(name: str, columns: int, rows: int, *, samples: int, bounces: int = 4) -> bpy.types.Scene:
     """Replace everything in Blender's current file by an empty scene for Cycles.
 
     Parameters
@@ -34,8 +32,6 @@ def empty_scene(
         Cycles' samples a pixel; all are taken, and nothing is denoised.
     bounces : int
         Most bounces of light, of every kind.
-    exposure : float
-        Exposure of the view in stops. What Cycles renders does not depend on it.
 
     Returns
     -------
@@ -58,7 +54,6 @@ def empty_scene(
     cycles.sample_clamp_indirect = 0.0
     cycles.caustics_reflective = cycles.caustics_refractive = False
     scene.view_settings.view_transform = "Standard"
-    scene.view_settings.exposure = exposure
     world = bpy.data.worlds.new("World")
     scene.world = world
     sky(scene, (0.0, 0.0, 0.0))
@@ -518,6 +513,26 @@ def principled(name: str, color: Color, **values: Any) -> bpy.types.Material:
 def emitter(name: str, color: Color, strength: float = 1.0) -> bpy.types.Material:
     """Return a material that glows evenly."""
     return material(name, lambda tree: node(tree, "Emission", Color=color, Strength=strength).outputs[0])
+
+
+def mixed(
+    tree: bpy.types.ShaderNodeTree,
+    share: bpy.types.NodeSocket | float,
+    first: bpy.types.NodeSocket,
+    second: bpy.types.NodeSocket,
+) -> bpy.types.NodeSocket:
+    """Return a mixture of two shaders: the second one's share, and the first's for the rest."""
+    mixture = node(tree, "MixShader", Fac=share)
+    # Both sockets have the same name.
+    tree.links.new(first, mixture.inputs[1])
+    tree.links.new(second, mixture.inputs[2])
+    return mixture.outputs[0]
+
+
+def drive(item: bpy.types.Object, name: str, axis: int, rate: float) -> None:
+    """Let a value grow by a rate a frame from what it is at frame 1, evenly whatever the preferences say."""
+    rest = getattr(item, name)[axis]
+    item.driver_add(name, axis).driver.expression = f"{rest} + {rate} * (frame - 1)"
 
 
 def key(

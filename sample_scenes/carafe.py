@@ -120,10 +120,7 @@ def glass() -> bpy.types.Material:
         glass = building.node(tree, "BsdfGlass", Roughness=0.0, IOR=1.5, Color=(0.97, 0.99, 0.98))
         clear = building.node(tree, "BsdfTransparent", Color=(0.80, 0.85, 0.83))
         shadow = building.node(tree, "LightPath").outputs["Is Shadow Ray"]
-        mixed = building.node(tree, "MixShader", Fac=shadow)
-        tree.links.new(glass.outputs[0], mixed.inputs[1])
-        tree.links.new(clear.outputs[0], mixed.inputs[2])
-        return mixed.outputs[0]
+        return building.mixed(tree, shadow, glass.outputs[0], clear.outputs[0])
 
     return building.material("Glass", shade)
 
@@ -166,7 +163,5 @@ def _polished(
     """Return a matt colour under a clear layer that reflects as Fresnel says."""
     matt = building.node(tree, "BsdfDiffuse", Color=color)
     mirror = building.node(tree, "BsdfGlossy", Roughness=0.0, Color=(1.0, 1.0, 1.0))
-    mixed = building.node(tree, "MixShader", Fac=building.node(tree, "Fresnel", IOR=ior).outputs[0])
-    tree.links.new(matt.outputs[0], mixed.inputs[1])
-    tree.links.new(mirror.outputs[0], mixed.inputs[2])
-    return mixed.outputs[0]
+    share = building.node(tree, "Fresnel", IOR=ior).outputs[0]
+    return building.mixed(tree, share, matt.outputs[0], mirror.outputs[0])

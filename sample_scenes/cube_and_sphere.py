@@ -62,17 +62,10 @@ def build(*, moving: bool = False) -> bpy.types.Scene:
     shell = building.sphere("Background", BACKGROUND_DISTANCE)
     building.add(scene, "Background", shell, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), _sky())
     if moving:
-        # Evenly, whatever the preferences say of new keys.
-        _drive(cube, "rotation_euler", 2, math.radians(24.0))
-        _drive(sphere, "location", 0, 0.030)
-        _drive(sphere, "location", 2, 0.006)
+        building.drive(cube, "rotation_euler", 2, math.radians(24.0))
+        building.drive(sphere, "location", 0, 0.030)
+        building.drive(sphere, "location", 2, 0.006)
     return scene
-
-
-def _drive(item: bpy.types.Object, name: str, axis: int, rate: float) -> None:
-    """Let a value grow by a rate a frame from what it is at frame 1."""
-    rest = getattr(item, name)[axis]
-    item.driver_add(name, axis).driver.expression = f"{rest} + {rate} * (frame - 1)"
 
 
 def _lit(

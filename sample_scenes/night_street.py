@@ -582,11 +582,7 @@ def _cloth(
     def shade(tree: bpy.types.ShaderNodeTree) -> bpy.types.NodeSocket:
         front = building.node(tree, "BsdfDiffuse", Color=seen)
         back = building.node(tree, "BsdfTranslucent", Color=through)
-        both = building.node(tree, "MixShader")
-        both.inputs[0].default_value = share
-        tree.links.new(front.outputs[0], both.inputs[1])
-        tree.links.new(back.outputs[0], both.inputs[2])
-        return both.outputs[0]
+        return building.mixed(tree, share, front.outputs[0], back.outputs[0])
 
     return shade
 

@@ -72,8 +72,7 @@ def _drive_along(item: bpy.types.Object, speed: Vector3 = (SPEED, 0.0, 0.0)) -> 
     """Let an object go evenly, in metres a frame, past where it is now."""
     for axis, rate in enumerate(speed):
         if rate:
-            rest = item.location[axis]
-            item.driver_add("location", axis).driver.expression = f"{rest} + {rate} * (frame - 1)"
+            building.drive(item, "location", axis, rate)
     item.cycles.motion_steps = 2
 
 

@@ -7,22 +7,6 @@ from typing import Any
 import bpy
 
 
-def emitter(name: str, color: tuple[float, float, float], strength: float = 1.0) -> Any:
-    """Return a material that glows evenly."""
-    material = bpy.data.materials.new(name)
-    # From Blender 5.0 on the tree is there, and setting this warns.
-    if material.node_tree is None:
-        material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
-    output = tree.nodes.new("ShaderNodeOutputMaterial")
-    glow = tree.nodes.new("ShaderNodeEmission")
-    glow.inputs["Color"].default_value = (*color, 1.0)
-    glow.inputs["Strength"].default_value = strength
-    tree.links.new(glow.outputs[0], output.inputs["Surface"])
-    return material
-
-
 def card(scene: Any, name: str, center: tuple[float, float, float], size: float, material: Any) -> Any:
     """Add a square that faces the camera, its middle at a place."""
     h = 0.5 * size

@@ -10,8 +10,10 @@ from typing import Any
 import bpy
 import pytest
 
+from sample_scenes.building import emitter
+
 from .conftest import ROOT
-from .scenes import card, emitter
+from .scenes import card
 
 OpenEXR = pytest.importorskip("OpenEXR")
 

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from .scenes import card, dump, emitter
+from sample_scenes.building import emitter
+
+from .scenes import card, dump
 
 OpenEXR = pytest.importorskip("OpenEXR")
 

@@ -9,7 +9,9 @@ from typing import Any
 import bpy
 import pytest
 
-from .scenes import card, emitter
+from sample_scenes.building import emitter
+
+from .scenes import card
 
 OpenEXR = pytest.importorskip("OpenEXR")
 

@@ -7,7 +7,9 @@ from typing import Any
 import bpy
 import pytest
 
-from .scenes import card, emitter
+from sample_scenes.building import emitter
+
+from .scenes import card
 
 
 def _titles(scene: Any, module: Any) -> list[str]:

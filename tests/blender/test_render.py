@@ -9,7 +9,9 @@ import bpy
 import numpy as np
 import pytest
 
-from .scenes import card, dump, emitter
+from sample_scenes.building import emitter
+
+from .scenes import card, dump
 
 OpenEXR = pytest.importorskip("OpenEXR")
 
