@@ -43,7 +43,7 @@ from .psf import (
     PsfBuilder,
     PsfSettings,
 )
-from .samples import LensAttributes, Samples
+from .samples import Float32Array, LensAttributes, Samples
 from .scatter import BACKENDS
 from .shutter import (
     SHUTTER_POSITIONS,
@@ -55,6 +55,7 @@ from .shutter import (
     parse_curve,
     parse_openings,
 )
+from .visibility import VISIBILITIES
 
 _EXIT_INTERRUPTED: Final = 130
 _PAST_THE_EDGE: Final = 10.0 * math.pi
@@ -230,6 +231,12 @@ def add_process_options(parser: argparse.ArgumentParser) -> None:
         "--weighting", choices=WEIGHTINGS, default="1982", help="1981 weighs samples by 1/z^2"
     )
     parser.add_argument(
+        "--visibility",
+        choices=VISIBILITIES,
+        default="aperture",
+        help="aperture: nearer surfaces hide farther ones from parts of the aperture; none: the papers",
+    )
+    parser.add_argument(
         "--uniform-defocus",
         metavar="KEYS",
         default="0",
@@ -248,6 +255,11 @@ def add_process_options(parser: argparse.ArgumentParser) -> None:
         "--mask",
         metavar="MASK.exr|MASK.png",
         help="write where the picture rests on surfaces that had to be guessed (1) and where not (0)",
+    )
+    parser.add_argument(
+        "--error-map",
+        metavar="ERROR.exr|ERROR.png",
+        help="write how far each pixel is expected to be off",
     )
     parser.add_argument("--backend", choices=BACKENDS, default="auto")
     parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
@@ -296,6 +308,7 @@ def process_settings(options: argparse.Namespace, frame: int | None = None) -> P
         model=options.coc_model,
         psf=PsfSettings(kind=options.psf, tables=options.tables, lookup=options.lookup, step=step),
         weighting=options.weighting,
+        visibility=options.visibility,
         uniform_defocus=parse_keys(options.uniform_defocus).at(frame) / 1000.0,
         fade=parse_keys(options.fade).at(frame),
         backend=options.backend,
@@ -343,15 +356,17 @@ def write_result(path: Path, result: Result, samples: Samples) -> None:
     exr.write_picture(path, result.picture, attributes)
 
 
-def write_mask(path: Path, result: Result, samples: Samples) -> None:
-    """Write where a picture rests on guessed surfaces, as a grey picture from 0 to 1.
+def write_map(path: Path, values: Float32Array, result: Result, samples: Samples) -> None:
+    """Write a value for each pixel, such as the mask of what was guessed, as a grey picture.
 
     Parameters
     ----------
     path : Path
         Ends in ``.exr`` (float) or ``.png`` (8 bits through the sRGB curve, as the picture itself).
+    values : ndarray of float32 of shape (rows, columns)
+        The values, of which a PNG shows those from 0 to 1.
     result : Result
-        The picture.
+        The picture that they are about.
     samples : Samples
         Where it came from.
 
@@ -363,12 +378,12 @@ def write_mask(path: Path, result: Result, samples: Samples) -> None:
         If it cannot be written.
     """
     check_output(path)
-    mask = np.ones_like(result.picture)
-    mask[..., :3] = result.guessed[..., np.newaxis]
+    grey = np.ones_like(result.picture)
+    grey[..., :3] = values[..., np.newaxis]
     if path.suffix.lower() == ".png":
-        png.write_png(path, mask)
+        png.write_png(path, grey)
     else:
-        exr.write_picture(path, mask, _picture_attributes(result, samples))
+        exr.write_picture(path, grey, _picture_attributes(result, samples))
 
 
 def check_output(path: Path) -> None:
@@ -586,7 +601,7 @@ def _write_table(options: argparse.Namespace, lens: Lens, circle: float, wavelen
 
 
 def _process(options: argparse.Namespace) -> int:
-    for path in (options.output, options.mask):
+    for path in (options.output, options.mask, options.error_map):
         if path is not None:
             check_output(Path(path))
     frames = _frames(options)
@@ -625,32 +640,35 @@ class _Job:
     source: Path
     output: Path
     mask: Path | None
+    error_map: Path | None
     report: Path | None
 
     @classmethod
     def create(cls, options: argparse.Namespace, frame: int | None, *, several: bool) -> _Job:
         """Name the files."""
 
-        def named(template: Path | None) -> Path | None:
+        def named(template: str | Path | None) -> Path | None:
             if template is None or frame is None:
-                return template
+                return None if template is None else Path(template)
             return frame_path(Path(template), frame, several=several)
 
         source = options.input if frame is None else frame_path(options.input, frame)
-        output, mask = named(options.output), named(None if options.mask is None else Path(options.mask))
+        output = named(options.output)
         assert output is not None
-        return cls(frame, source, output, mask, named(options.report))
+        return cls(
+            frame, source, output, named(options.mask), named(options.error_map), named(options.report)
+        )
 
 
 def _refuse_replacing(jobs: Sequence[_Job]) -> None:
-    """Raise SettingsError if a picture would replace a samples file of any frame, or a mask a picture."""
+    """Raise SettingsError if a picture would replace a samples file of any frame, or a map another one."""
     sources = {job.source.resolve() for job in jobs}
     for job in jobs:
-        targets = [path.resolve() for path in (job.output, job.mask) if path is not None]
+        targets = [path.resolve() for path in (job.output, job.mask, job.error_map) if path is not None]
         if not sources.isdisjoint(targets):
             raise SettingsError("The output would replace the samples file; give another name.")
         if len(set(targets)) < len(targets):
-            raise SettingsError("The mask would replace the picture; give another name.")
+            raise SettingsError("The mask or error map would replace another picture; give another name.")
 
 
 def _process_frame(job: _Job, samples: Samples, options: argparse.Namespace) -> None:
@@ -665,12 +683,18 @@ def _process_frame(job: _Job, samples: Samples, options: argparse.Namespace) -> 
         )
     result = run(process(samples, settings))
     write_result(job.output, result, samples)
-    if job.mask is not None:
-        write_mask(job.mask, result, samples)
+    for path, values in ((job.mask, result.guessed), (job.error_map, result.predicted_error)):
+        if path is not None:
+            write_map(path, values, result, samples)
     for what, count in samples.repaired.items():
         print(f"Repaired {count} {what} values that were not finite from their neighbours.")
     if job.report is not None:
-        files = {"input": job.source, "output": job.output, "mask": job.mask}
+        files = {
+            "input": job.source,
+            "output": job.output,
+            "mask": job.mask,
+            "error_map": job.error_map,
+        }
         report = {name: None if path is None else str(path) for name, path in files.items()} | result.report
         write_json(job.report, report)
     # Whole lines, at once: farms read them through a pipe.

@@ -12,6 +12,7 @@ import io
 import json
 import math
 import os
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,7 +31,7 @@ from .files import whole_file
 from .lens import FloatArray, Lens
 from .passes import FORWARD, ChannelName, parse_channel
 from .paths import MotionPaths
-from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window, repair
+from .samples import Float32Array, LensAttributes, PixelFilter, SampleLayer, Samples, Window, repair
 from .shutter import ShutterAttributes, attributes_from_json, attributes_to_json
 
 MAX_PIXELS: Final = 1 << 28
@@ -44,6 +45,9 @@ STATIONARY: Final = " (stationary)"
 
 MOVING: Final = " (moving)"
 """Ends the name of the layer that shows a layer's moving objects alone."""
+
+_BEHIND: Final = re.compile(r"(.*) \(behind ([1-9][0-9]*)\)", re.DOTALL)
+"""The name of a layer that shows another's view without what is nearest, as `behind` makes it."""
 
 _HALF_MAX: Final = 65504.0
 """The largest half float, which is what infinity and 1e10 become in a half channel."""
@@ -83,6 +87,22 @@ class RawFile:
     def display_window(self) -> Window:
         """The picture."""
         return _window(self.header["displayWindow"])
+
+
+def behind(number: int) -> str:
+    """Return what ends the name of the layer that shows a layer's view without what is nearest in it.
+
+    Parameters
+    ----------
+    number : int
+        From 1 on; a larger number leaves out more.
+
+    Returns
+    -------
+    str
+        Such as ``" (behind 1)"``.
+    """
+    return f" (behind {number})"
 
 
 def read_raw(path: Path) -> RawFile:
@@ -145,7 +165,8 @@ def read_samples(path: Path, layers: tuple[str, ...] | None = None) -> Samples:
     Raises
     ------
     InputError
-        If the file cannot be read, holds no colour, or lacks a layer asked for.
+        If the file cannot be read, holds no colour, lacks a layer asked for, or has layers behind one
+        that do not fit it.
     """
     return samples_of(read_raw(path), path, layers)
 
@@ -163,7 +184,14 @@ def samples_of(raw: RawFile, path: Path, layers: tuple[str, ...] | None = None) 
         raise InputError(f"The parts of '{path}' have different data windows; write them with one.")
     data_window = windows.pop()
     repaired: dict[str, int] = {}
-    built = tuple(_with_companions(name, sets, data_window, repaired) for name in names)
+    behind_layers = _layers_behind(raw, path, names, sets, data_window)
+    built = tuple(
+        replace(
+            _with_companions(name, sets, data_window, repaired),
+            hidden=tuple(_build_layer(other, sets[other], repaired) for other in behind_layers[name]),
+        )
+        for name in names
+    )
     header = raw.header
     display_window = raw.display_window
     position = header.get("potmesil:samplePosition", "center")
@@ -182,6 +210,7 @@ def samples_of(raw: RawFile, path: Path, layers: tuple[str, ...] | None = None) 
         pixel_aspect=_number(header, "pixelAspectRatio") or 1.0,
         position=position,
         supersampling=int(supersampling),
+        pixel_filter=_pixel_filter(header, path),
         lens=_lens_attributes(header),
         film=film,
         camera=_camera(header, film),
@@ -190,6 +219,17 @@ def samples_of(raw: RawFile, path: Path, layers: tuple[str, ...] | None = None) 
         repaired=repaired,
         attributes={key: header[key] for key in _CARRIED if key in header},
     )
+
+
+def _pixel_filter(header: dict[str, Any], path: Path) -> PixelFilter | None:
+    text = header.get("potmesil:filter")
+    if text is None:
+        return None
+    try:
+        stored = json.loads(text)
+        return PixelFilter(float(stored["pixel_variance"]), float(stored["sample_variance"]))
+    except (TypeError, ValueError, KeyError, SettingsError) as error:
+        raise InputError(f"The pixel filter in '{path}' cannot be read; render the samples again.") from error
 
 
 def camera_attributes(camera: Camera, lens: Lens, shutter: ShutterAttributes) -> dict[str, Any]:
@@ -264,7 +304,7 @@ def annotate(
         Header attributes.
     companions : mapping of str to Path, optional
         Files of the same layers seen otherwise, by the suffix that the names of their layers are given
-        (`STATIONARY`, `MOVING`). Of their passes those that samples have are kept.
+        (`STATIONARY`, `MOVING`, `behind`). Of their passes those that samples have are kept.
     margins : tuple of int
         Columns and rows on each side that were rendered beyond the picture: overscan, which lies in the
         data window and not in the display window.
@@ -458,6 +498,7 @@ def _choose_layers(
     path: Path, sets: Mapping[str, Mapping[tuple[str, int], Channel]], wanted: tuple[str, ...] | None
 ) -> tuple[str, ...]:
     companions = {f"{name}{suffix}" for name in sets for suffix in (STATIONARY, MOVING)}
+    companions.update(name for name in sets if (match := _BEHIND.fullmatch(name)) and match[1] in sets)
     sets = {name: channels for name, channels in sets.items() if name not in companions}
     if wanted is not None:
         for name in wanted:
@@ -472,6 +513,41 @@ def _choose_layers(
     usual = {n: channels for n, channels in sets.items() if not channels["combined", 0].parsed.other_view}
     with_depth = tuple(name for name, channels in usual.items() if ("depth", 0) in channels)
     return with_depth or tuple(usual or sets)[:1]
+
+
+def _layers_behind(
+    raw: RawFile,
+    path: Path,
+    names: Sequence[str],
+    sets: Mapping[str, Mapping[tuple[str, int], Channel]],
+    data_window: Window,
+) -> dict[str, list[str]]:
+    """Return, for each layer, the names of those that show it without what is nearest, nearest first.
+
+    Raises
+    ------
+    InputError
+        If one is missing, is not whole, or has other pixels.
+    """
+    found: dict[str, list[str]] = {name: [] for name in names}
+    numbers: dict[str, set[int]] = {name: set() for name in names}
+    for other in {channel.parsed.layer for channel in raw.channels}:
+        match = _BEHIND.fullmatch(other)
+        if match and match[1] in numbers:
+            numbers[match[1]].add(int(match[2]))
+    for name in names:
+        for number in range(1, max(numbers[name], default=0) + 1):
+            other = f"{name}{behind(number)}"
+            channels = sets.get(other, {})
+            if ("depth", 0) not in channels:
+                lacks = "lacks colour or depth" if number in numbers[name] else "is missing"
+                raise InputError(f"Layer '{other}' of '{path}' {lacks}; render the samples again.")
+            if {channel.window for channel in channels.values()} != {data_window}:
+                raise InputError(
+                    f"Layer '{other}' of '{path}' has another data window than '{name}'; write them with one."
+                )
+            found[name].append(other)
+    return found
 
 
 def _with_companions(

@@ -2,23 +2,39 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from .camera import Film
 from .errors import InputError
+from .fragments import carried_past_the_border, fragments_of
 from .lens import CocModel, Lens, circle_of_confusion
-from .psf import PackedTables, PsfBuilder, PsfSettings
+from .psf import PackedTables, PsfBuilder, PsfSettings, TableAssignment, circles_for_filtered_samples
 from .samples import Float32Array, SampleLayer, Samples, Window
-from .scatter import Backend, Scatter, scatter
+from .scatter import BEHIND, PARTLY, WHOLE, Backend, Masks, Scatter, scatter, uses_numba
+from .visibility import MOST_RADIUS, Visibility, aperture_cells, decide
 
 Weighting = Literal["1982", "1981"]
 """``1982`` weighs samples alike (TOG 1982, eq. 22), ``1981`` by 1/z^2 (1981, eq. 20)."""
 
 WEIGHTINGS: Final[tuple[Weighting, ...]] = ("1982", "1981")
+
+_LEAST_MASKED: Final = 3.0
+"""Radius in pixels below which a hidden part of a circle makes it weaker and not another shape."""
+
+_MOST_BEYOND: Final = 256
+"""Most samples by which a border is carried on."""
+
+_IN_FOCUS: Final = 0.5
+"""Radius in samples up to which a surface is in focus: its samples stay in their own pixels."""
+
+_LEAST_SIDE: Final = 2
+"""Rows and columns below which there is nothing beside a sample that could hide it."""
 
 _LEAST_WEIGHT: Final = 1e-6
 """Least 1/z^2 weight relative to the nearest sample's, so that a far background keeps some."""
@@ -40,6 +56,9 @@ class FocusSettings:
         Kind of point-spread function and its tables.
     weighting : {"1982", "1981"}
         Weights of the samples.
+    visibility : {"none", "aperture"}
+        Whether nearer surfaces hide farther ones, for each part of the aperture (``aperture``), or light of
+        all samples is added (``none``, the papers).
     backend : {"auto", "numba", "numpy"}
         Implementation; all give the same picture.
     """
@@ -49,6 +68,7 @@ class FocusSettings:
     model: CocModel = "cycles"
     psf: PsfSettings = field(default_factory=PsfSettings)
     weighting: Weighting = "1982"
+    visibility: Visibility = "none"
     backend: Backend = "auto"
 
 
@@ -79,9 +99,31 @@ class FocusReport:
     table_bytes: int
 
 
+@dataclass(frozen=True, slots=True)
+class Focused:
+    """A layer with depth of field, on the display window.
+
+    Parameters
+    ----------
+    picture : ndarray of float32 of shape (rows, columns, 4)
+        Premultiplied; 0 where the file has no data.
+    guessed : ndarray of float32 of shape (rows, columns)
+        Share of each pixel's light that rests on surfaces that were carried on behind others.
+    doubt : ndarray of float32 of shape (rows, columns)
+        How far a pixel may be off by what was guessed and by edges, on average over red, green and blue.
+    report : FocusReport
+        What was done.
+    """
+
+    picture: Float32Array
+    guessed: Float32Array
+    doubt: Float32Array
+    report: FocusReport
+
+
 def focus_layer(
-    layer: SampleLayer, samples: Samples, settings: FocusSettings
-) -> Generator[float, None, tuple[Float32Array, FocusReport]]:
+    layer: SampleLayer, samples: Samples, settings: FocusSettings, turn: int | None = None
+) -> Generator[float, None, Focused]:
     """Spread the samples of one layer over the pixels of the picture (TOG 1982, eq. 22).
 
     Weights are renormalised at every pixel, so the frame's borders keep their brightness; samples of an
@@ -95,6 +137,8 @@ def focus_layer(
         The file that they belong to: its windows and where samples lie.
     settings : FocusSettings
         Lens, film and how to work.
+    turn : int, optional
+        Number of this instant where many are added up; see `visibility.decide`.
 
     Yields
     ------
@@ -103,10 +147,8 @@ def focus_layer(
 
     Returns
     -------
-    picture : ndarray of float32 of shape (rows, columns, 4)
-        The display window, premultiplied; 0 where the file has no data.
-    report : FocusReport
-        What was done.
+    Focused
+        The picture, how sure it is, and a report.
 
     Raises
     ------
@@ -118,31 +160,155 @@ def focus_layer(
             f"Layer '{layer.name}' has no depth (Z) channel, which a lens needs; "
             "enable the Z pass or switch the lens off."
         )
-    depth = layer.depth
-    builder = PsfBuilder(settings.lens, settings.film, settings.model, settings.psf, samples.position)
-    assignment = builder.assign(depth)
-    tables = builder.pack(list(builder.tables(assignment.circles)))
-    yield 0.05
-
     data, display = samples.data_window, samples.display_window
-    covered = data
-    if samples.position == "corner":
-        covered = Window(data.x0, data.y0, data.x1 - 1, data.y1 - 1)
-    seen = covered.intersection(display)
+    seen = _seen_window(samples)
     picture = np.zeros((display.rows, display.columns, 4), dtype=np.float32)
+    guessed = np.zeros((display.rows, display.columns), dtype=np.float32)
+    doubt = np.zeros_like(guessed)
     target = np.zeros((seen.rows, seen.columns, 4), dtype=np.float32)
+    reached = np.zeros((seen.rows, seen.columns), dtype=np.float32)
+    builder = PsfBuilder(settings.lens, settings.film, settings.model, settings.psf, samples.position)
+    sources = _sources(layer, samples, builder, settings, turn)
+    yield 0.2
     work = Scatter(
-        color=layer.color,
-        weight=_weights(depth, settings.weighting),
-        assignment=assignment,
-        tables=tables,
-        origin=(data.x0 - seen.x0, data.y0 - seen.y0),
+        color=sources.color,
+        weight=sources.weight,
+        assignment=sources.assignment,
+        tables=sources.tables,
+        origin=(data.x0 - sources.left - seen.x0, data.y0 - sources.above - seen.y0),
         shape=(seen.rows, seen.columns),
+        masks=sources.masks,
     )
-    for done in scatter(work, target, settings.backend):
-        yield 0.05 + 0.95 * done
+    for done in scatter(work, target, reached, settings.backend):
+        yield 0.2 + 0.6 * done
     picture[seen.within(display)] = target
-    return picture, _report(layer.name, depth, samples, settings, tables)
+    doubtful = (sources.guessed > 0.0) | (sources.doubt > 0.0)
+    if doubtful.any():
+        quality = np.zeros((*doubtful.shape, 4), dtype=np.float32)
+        quality[..., 0], quality[..., 1] = sources.guessed, sources.doubt
+        only = replace(work, color=quality, weight=np.where(doubtful, work.weight, np.float32(0.0)))
+        their_share = np.zeros_like(reached)
+        for done in scatter(only, target, their_share, settings.backend):
+            yield 0.8 + 0.2 * done
+        share = np.divide(their_share, reached, out=np.zeros_like(reached), where=reached > 0.0)
+        within = seen.within(display)
+        guessed[within] = np.clip(target[..., 0] * share, 0.0, 1.0)
+        doubt[within] = np.maximum(target[..., 1] * share, 0.0)
+    yield 1.0
+    return Focused(
+        picture, guessed, doubt, _report(layer.name, layer.depth, samples, settings, sources.tables)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Sources:
+    """Everything that gives light, in sheets: (sheets, rows, columns)."""
+
+    color: Float32Array
+    weight: Float32Array
+    guessed: Float32Array
+    doubt: Float32Array
+    assignment: TableAssignment
+    tables: PackedTables
+    masks: Masks | None
+    left: int = 0
+    above: int = 0
+
+
+def _sources(
+    layer: SampleLayer, samples: Samples, builder: PsfBuilder, settings: FocusSettings, turn: int | None
+) -> _Sources:
+    """Return what gives light: the layer's samples, or its surfaces with what the aperture sees of them."""
+    assert layer.depth is not None
+    if settings.visibility == "none" or min(layer.depth.shape) < _LEAST_SIDE:
+        depth = layer.depth[np.newaxis]
+        assignment = builder.assign(depth)
+        tables = builder.pack(list(builder.tables(assignment.circles)))
+        weight = _weights(depth, settings.weighting)
+        none = np.zeros((1, 1, 1), dtype=np.float32)
+        return _Sources(layer.color[np.newaxis], weight, none, none, assignment, tables, None)
+    views = [layer, *(view for view in layer.hidden if view.depth is not None)]
+    pitch = settings.film.pitch_x
+    cells = aperture_cells(settings.lens, pitch / settings.film.pitch_y)
+    colors = np.stack([view.color for view in views])
+    depths = np.stack([view.depth for view in views if view.depth is not None])
+    circles = circle_of_confusion(depths, settings.lens, settings.model)
+    radius = np.clip(0.5 / pitch * circles, -MOST_RADIUS, MOST_RADIUS).astype(np.float32)
+    fragments = fragments_of(
+        colors,
+        depths,
+        radius,
+        max(cells.stretch_x, cells.stretch_y),
+        mixed=samples.mixes_surfaces,
+    )
+    above, left = 0, 0
+    if fragments.reach.any():
+        beyond = _beyond_the_data(radius[0] * max(cells.stretch_x, cells.stretch_y), samples)
+        (above, _), (left, _) = beyond
+        fragments = carried_past_the_border(fragments, beyond)
+    compiled = uses_numba(settings.backend)
+    visible = decide(fragments, cells, turn, compiled=compiled)
+    assignment = builder.assign(fragments.depth)
+    spread = assignment.circles
+    if settings.psf.kind == "disc" and samples.position == "center":
+        spread = circles_for_filtered_samples(spread, pitch)
+    tables = builder.pack(list(builder.tables(spread)))
+    radius_x = 0.5 * np.abs(assignment.circles) / pitch * cells.stretch_x
+    weight = _weights(fragments.depth, settings.weighting) * fragments.coverage
+    # Of a small circle the parts are not told apart: it is only as much weaker as it is hidden.
+    small = radius_x[assignment.table] < _LEAST_MASKED
+    number = np.where(small, np.int32(-1), visible.number)
+    group = np.where(visible.share == 1.0, np.uint8(WHOLE), np.uint8(PARTLY))
+    group[(group == PARTLY) & (fragments.radius > _IN_FOCUS)] = BEHIND
+    weight *= np.where(number < 0, visible.share, np.float32(1.0))
+    in_focus = (np.abs(fragments.radius[0]) <= _IN_FOCUS) & (fragments.coverage[0] == 1.0)
+    masks = Masks(
+        number,
+        group,
+        visible.mask,
+        radius_x,
+        radius_x * (cells.stretch_y / cells.stretch_x),
+        _on_output(in_focus, samples, above, left),
+    )
+    return _Sources(
+        fragments.color, weight, fragments.guessed, fragments.doubt, assignment, tables, masks, left, above
+    )
+
+
+def _seen_window(samples: Samples) -> Window:
+    """Return the pixels of the display window that the file has data for."""
+    data = samples.data_window
+    if samples.position == "corner":
+        data = Window(data.x0, data.y0, data.x1 - 1, data.y1 - 1)
+    return data.intersection(samples.display_window)
+
+
+def _on_output(
+    values: npt.NDArray[np.bool_], samples: Samples, above: int, left: int
+) -> npt.NDArray[np.bool_]:
+    """Return what samples say of the pixels that they lie in; corner samples of none."""
+    seen, data = _seen_window(samples), samples.data_window
+    if samples.position == "corner":
+        return np.zeros((seen.rows, seen.columns), dtype=np.bool_)
+    row, column = seen.y0 - data.y0 + above, seen.x0 - data.x0 + left
+    return np.ascontiguousarray(values[row : row + seen.rows, column : column + seen.columns])
+
+
+def _beyond_the_data(radius: Float32Array, samples: Samples) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return by how many rows and columns, on either side, the data's border is to be carried on.
+
+    So far its circles reach into the picture. Half of a blurred thing that ends with the data would weigh
+    too little against what is sharp beside it.
+    """
+    data, display = samples.data_window, samples.display_window
+
+    def missing(border: Float32Array, overscan: int) -> int:
+        reach = math.ceil(float(np.abs(border).max()))
+        return min(max(reach - max(overscan, 0), 0), _MOST_BEYOND)
+
+    rows = missing(radius[0], display.y0 - data.y0), missing(radius[-1], data.y1 - display.y1)
+    columns = missing(radius[:, 0], display.x0 - data.x0), missing(radius[:, -1], data.x1 - display.x1)
+    return rows, columns
 
 
 def average_down(picture: Float32Array, factor: int) -> Float32Array:

@@ -50,17 +50,17 @@ def defocus_evenly(
     """
     builder = PsfBuilder(aperture, film)
     circles = np.array([circle])
-    shape = picture.shape[:2]
+    shape = (1, *picture.shape[:2])
     work = Scatter(
-        color=picture,
+        color=picture[np.newaxis],
         weight=np.ones(shape, dtype=np.float32),
         assignment=TableAssignment(circles, np.zeros(shape, dtype=np.int32), None),
         tables=builder.pack(list(builder.tables(circles))),
         origin=(0, 0),
-        shape=shape,
+        shape=shape[1:],
     )
     blurred = np.zeros_like(picture)
-    yield from scatter(work, blurred, backend)
+    yield from scatter(work, blurred, np.zeros(shape[1:], dtype=np.float32), backend)
     return blurred
 
 

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final, TypeVar
 
 import numpy as np
+from scipy import ndimage
 
 from . import jit
 from .camera import Film
@@ -26,12 +27,14 @@ from .motion import (
     prepare,
     report_of,
 )
+from .pixel_filter import filter_down
 from .printer import defocus_evenly, fade
 from .psf import PsfSettings
 from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window
 from .scatter import Backend, uses_numba
 from .sheets import on_display
 from .shutter import ShutterAttributes
+from .visibility import Visibility
 
 T = TypeVar("T")
 
@@ -40,6 +43,18 @@ _STEP_OF_CIRCLE: Final = 0.125
 
 _LEAST_OPENING: Final = 1e-3
 """Least opening of a between-the-lens shutter over the full one."""
+
+_NOTEWORTHY: Final = 0.02
+"""Share of guessed light from which a pixel counts as resting on guesses."""
+
+_SURROUNDINGS: Final = 8.0
+"""Pixels around a guess whose variation tells how far it may be off."""
+
+_OTHER_SURFACE: Final = 0.5
+"""Share of guesses that another of the surfaces around may stand at the place of."""
+
+_RESAMPLING: Final = 0.05
+"""Error of a sharp pixel over the variation around it, from the different ways to filter it."""
 
 _CAMERA_SHARE: Final = 0.8
 """Share of the progress of what comes before a uniform defocus."""
@@ -69,6 +84,8 @@ class ProcessSettings:
         Kind of point-spread function and its tables.
     weighting : {"1982", "1981"}
         Weights of the samples.
+    visibility : {"aperture", "none"}
+        Whether nearer surfaces hide farther ones from parts of the aperture, or, as in the papers, not.
     uniform_defocus : float
         Diameter in metres on the film of the circle that the finished picture is evenly defocused by.
     fade : float
@@ -92,6 +109,7 @@ class ProcessSettings:
     model: CocModel = "cycles"
     psf: PsfSettings = field(default_factory=PsfSettings)
     weighting: Weighting = "1982"
+    visibility: Visibility = "aperture"
     uniform_defocus: float = 0.0
     fade: float = 1.0
     backend: Backend = "auto"
@@ -116,12 +134,15 @@ class Result:
         What was done, ready for JSON.
     guessed : ndarray of float32 of shape (rows, columns)
         Share of each pixel's light that rests on filled-in surfaces, from 0 to 1.
+    predicted_error : ndarray of float32 of shape (rows, columns)
+        How far each pixel is expected to be off, on average over red, green and blue; scene-linear.
     """
 
     picture: Float32Array
     display_window: Window
     report: dict[str, Any]
     guessed: Float32Array
+    predicted_error: Float32Array
 
 
 def process(samples: Samples, settings: ProcessSettings) -> Generator[float, None, Result]:
@@ -164,18 +185,28 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
     for number, layer in enumerate(layers):
         steps = _process_layer(layer, samples, focus, motion)
         done.append((yield from scaled(steps, number * share, share)))
-    picture, guessed = done[0].picture, done[0].guessed
+    picture, guessed, doubt = done[0].picture, done[0].guessed, done[0].doubt
     for behind in done[1:]:
-        guessed = np.asarray(guessed + behind.guessed * (1.0 - picture[..., 3]), dtype=np.float32)
+        through = 1.0 - picture[..., 3]
+        guessed = np.asarray(guessed + behind.guessed * through, dtype=np.float32)
+        doubt = np.asarray(doubt + behind.doubt * through, dtype=np.float32)
         picture = over(picture, behind.picture)
-    picture = average_down(picture, samples.supersampling)
-    guessed = average_down(guessed[..., np.newaxis], samples.supersampling)[..., 0]
+    factor, pixel_filter = samples.supersampling, samples.pixel_filter
+    if pixel_filter is None or settings.visibility == "none":
+        # As the papers do.
+        picture = average_down(picture, factor)
+    else:
+        picture = filter_down(picture, factor, pixel_filter)
+    guessed = average_down(guessed[..., np.newaxis], factor)[..., 0]
+    doubt = average_down(doubt[..., np.newaxis], factor)[..., 0]
     if printed is not None:
         pixels = replace(printed, columns=picture.shape[1], rows=picture.shape[0])
         steps_of_printer = _printed(picture, guessed, pixels, samples, settings)
         picture, guessed = yield from scaled(steps_of_printer, _CAMERA_SHARE, 1.0 - _CAMERA_SHARE)
     if settings.fade != 1.0:
         picture = fade(picture, settings.fade)
+        doubt = doubt * np.float32(settings.fade)
+    predicted_error = _predicted_error(picture, doubt)
     display = samples.display_window
     window = Window(
         display.x0 // samples.supersampling,
@@ -192,13 +223,18 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
         "motion": [asdict(layer.motion) for layer in done if layer.motion is not None],
         "uniform_defocus_mm": settings.uniform_defocus * 1000.0,
         "fade": settings.fade,
+        "quality": {
+            "guessed_pixels": float(np.mean(guessed > _NOTEWORTHY)),
+            "guessed_light": float(np.mean(guessed)),
+            "predicted_error": float(np.sqrt(np.mean(np.square(predicted_error, dtype=np.float64)))),
+        },
         "repaired": samples.repaired,
         "threads": jit.set_thread_count(None),
         "compiled": uses_numba(settings.backend),
         "seconds": time.perf_counter() - started,
     }
     yield 1.0
-    return Result(picture, window, report, guessed)
+    return Result(picture, window, report, guessed, predicted_error)
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,6 +243,7 @@ class _Layer:
 
     picture: Float32Array
     guessed: Float32Array
+    doubt: Float32Array
     focus: FocusReport | None = None
     motion: MotionReport | None = None
 
@@ -220,13 +257,14 @@ def _process_layer(
         return (yield from _cascade(moving, layer, focus))
     if moving is not None:
         picture, guessed, report = yield from expose_layer(moving, layer)
-        return _Layer(picture, guessed, motion=report)
+        return _Layer(picture, guessed, _doubt_of_guesses(picture, guessed), motion=report)
     motion_report = None if motion is None else MotionReport(layer.name)
     nothing = np.zeros((samples.display_window.rows, samples.display_window.columns), dtype=np.float32)
     if focus is None:
-        return _Layer(on_display(samples, layer.color), nothing, motion=motion_report)
-    picture, focus_report = yield from focus_layer(layer, samples, focus)
-    return _Layer(picture, nothing, focus_report, motion_report)
+        return _Layer(on_display(samples, layer.color), nothing, nothing, motion=motion_report)
+    focused = yield from focus_layer(layer, samples, focus)
+    doubt = focused.doubt + _OTHER_SURFACE * _doubt_of_guesses(focused.picture, focused.guessed)
+    return _Layer(focused.picture, focused.guessed, doubt, focused.report, motion_report)
 
 
 def _cascade(moving: Motion, layer: SampleLayer, focus: FocusSettings) -> Generator[float, None, _Layer]:
@@ -240,19 +278,48 @@ def _cascade(moving: Motion, layer: SampleLayer, focus: FocusSettings) -> Genera
     count = instants_for(float(steps.max(initial=0.0)))
     schedule, openings = moving.schedule(count), moving.opening(count)
     total = np.zeros((samples.display_window.rows, samples.display_window.columns, 4))
-    total_guessed = np.zeros(total.shape[:2])
+    total_guessed, total_doubt = np.zeros(total.shape[:2]), np.zeros(total.shape[:2])
     focus_report = None
     for n in range(count):
         then, guessed = instant_layer(moving, layer, schedule, n)
         # The blades of a between-the-lens shutter stop the lens down while they open and close.
         lens = replace(focus.lens, f_stop=focus.lens.f_stop / max(float(openings[n]), _LEAST_OPENING))
-        steps_of_instant = focus_layer(then, samples, replace(focus, lens=lens))
-        picture, focus_report = yield from scaled(steps_of_instant, n / count, 1.0 / count)
-        total += picture
-        total_guessed += guessed
+        steps_of_instant = focus_layer(then, samples, replace(focus, lens=lens), n)
+        focused = yield from scaled(steps_of_instant, n / count, 1.0 / count)
+        total += focused.picture
+        total_guessed += np.maximum(guessed, focused.guessed)
+        total_doubt += focused.doubt
+        focus_report = focused.report
     mean_guessed = np.asarray(total_guessed / count, dtype=np.float32)
     motion_report = report_of(moving, layer, count, mean_guessed)
-    return _Layer(np.asarray(total / count, dtype=np.float32), mean_guessed, focus_report, motion_report)
+    picture = np.asarray(total / count, dtype=np.float32)
+    doubt = np.asarray(total_doubt / count, dtype=np.float32) + _doubt_of_guesses(picture, mean_guessed)
+    return _Layer(picture, mean_guessed, doubt, focus_report, motion_report)
+
+
+def _doubt_of_guesses(picture: Float32Array, guessed: Float32Array) -> Float32Array:
+    """Return how far guessed light may be off: as much as what is seen around it varies."""
+    if not guessed.any():
+        return np.zeros_like(guessed)
+    return np.asarray(guessed * _variation(picture, _SURROUNDINGS), dtype=np.float32)
+
+
+def _predicted_error(picture: Float32Array, doubt: Float32Array) -> Float32Array:
+    """Return how far pixels are expected to be off.
+
+    Guesses and edges add to what all resampling costs, which is the more the more a picture varies from
+    pixel to pixel.
+    """
+    resampling = _RESAMPLING * _variation(picture, 1.0)
+    return np.asarray(np.sqrt(np.square(doubt) + np.square(resampling)), dtype=np.float32)
+
+
+def _variation(picture: Float32Array, sigma: float) -> FloatArray:
+    """Return the standard deviation around each pixel of the mean of red, green and blue."""
+    level = picture[..., :3].mean(axis=2, dtype=np.float64)
+    mean = ndimage.gaussian_filter(level, sigma, mode="nearest")
+    square = ndimage.gaussian_filter(level * level, sigma, mode="nearest")
+    return np.asarray(np.sqrt(np.maximum(square - mean * mean, 0.0)))
 
 
 def _printed(
@@ -353,7 +420,9 @@ def focus_settings(samples: Samples, settings: ProcessSettings) -> FocusSettings
         f_stop=_known(wanted.f_stop, stored.f_stop, "f-stop", option="--fstop"),
         focus_distance=_known(wanted.focus_distance, stored.focus_distance, "focus distance"),
     )
-    return FocusSettings(lens, film, settings.model, settings.psf, settings.weighting, settings.backend)
+    return FocusSettings(
+        lens, film, settings.model, settings.psf, settings.weighting, settings.visibility, settings.backend
+    )
 
 
 def motion_settings(samples: Samples, settings: ProcessSettings) -> MotionSettings | None:
@@ -453,4 +522,5 @@ def _lens_report(focus: FocusSettings) -> dict[str, Any]:
         "tables": focus.psf.tables,
         "lookup": focus.psf.lookup,
         "weighting": focus.weighting,
+        "visibility": focus.visibility,
     }

@@ -7,6 +7,7 @@ them or at equal steps of the circle itself (the default, which wastes none wher
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -53,6 +54,9 @@ _DIFFRACTION_MARGIN: Final = 10.0 * math.pi
 
 An Airy pattern has 98 % of its light within it; the rest is given back by the normalisation.
 """
+
+_SHARP: Final = 0.02
+"""Radius in pixels below which a sample is in focus."""
 
 _LEAST_POLYGON: Final = 1e-3
 """Diameter in pixels below which a polygon is drawn no smaller, so that it keeps an area."""
@@ -450,6 +454,46 @@ class _EqualDepths:
         circle = circle_of_confusion(depth, self.builder.lens, self.builder.model)
         limit = _LARGEST_CIRCLE * self.builder.film.pitch_x
         return np.clip(circle, -limit, limit)
+
+
+def circles_for_filtered_samples(circles: FloatArray, pitch: float) -> FloatArray:
+    """Return circles whose tables spread the samples of a filtered picture as their own circles would.
+
+    A table is integrated over pixels (TOG 1982, eq. 23), as a point of light is seen. The samples of an
+    ordinary render are filtered already, and once is enough: the table to take is the one whose variance is
+    that of the circle without a pixel, a quarter of the radius squared.
+
+    Parameters
+    ----------
+    circles : ndarray of float64
+        Signed diameters in metres.
+    pitch : float
+        Distance between pixels in metres.
+
+    Returns
+    -------
+    ndarray of float64
+        Signed diameters in metres, the same shape; up to half a pixel wider or narrower.
+    """
+    radius = 0.5 * np.abs(circles) / pitch
+    tabulated, variance = _variances()
+    wanted = 0.25 * radius * radius
+    # Far past a pixel the integration adds its variance of 1/12, whatever the radius.
+    far = np.sqrt(np.maximum(radius * radius - 1.0 / 3.0, 0.0))
+    matched = np.where(wanted < variance[-1], np.interp(wanted, variance, tabulated), far)
+    return np.asarray(np.copysign(2.0 * pitch * np.where(radius < _SHARP, radius, matched), circles))
+
+
+@functools.cache
+def _variances() -> tuple[FloatArray, FloatArray]:
+    """Return radii in pixels from half a pixel, which spreads nothing, and the variances of their tables."""
+    radius: FloatArray = np.arange(0.5, 8.0, 0.05, dtype=np.float64)
+    variance: FloatArray = np.empty(radius.size)
+    for k, r in enumerate(radius.tolist()):
+        values = ellipse_rows(r, r).dense()[0].sum(axis=0)
+        at = np.arange(values.size) - values.size // 2
+        variance[k] = values @ (at * at)
+    return radius, variance
 
 
 def _rounded(table: RowDifferences) -> FloatArray:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from .aperture import SamplePosition
 from .camera import Camera, Film
+from .errors import SettingsError
 from .paths import MotionPaths
 from .shutter import ShutterAttributes
 
 Float32Array = npt.NDArray[np.float32]
+
+_POINT_VARIANCE: Final = 0.02
+"""Variance in sample pixels squared below which a sample is a point, and mixes no surfaces."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +71,8 @@ class SampleLayer:
         The same view without its moving objects, so that what they hide is there.
     moving : SampleLayer or None
         The moving objects alone on a transparent film, so that what hides them is not.
+    hidden : tuple of SampleLayer
+        The same view with more and more of what is nearest left out, so that what it hides is there.
     """
 
     name: str
@@ -75,6 +82,7 @@ class SampleLayer:
     vector: Float32Array | None = None
     stationary: SampleLayer | None = None
     moving: SampleLayer | None = None
+    hidden: tuple[SampleLayer, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +95,37 @@ class LensAttributes:
     blades: int | None = None
     blade_rotation: float | None = None
     anamorphic_ratio: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PixelFilter:
+    """What the renderer filters with, as far as it matters here.
+
+    Parameters
+    ----------
+    pixel_variance : float
+        Variance along an axis of the filter that makes the picture's pixels, in pixels squared.
+    sample_variance : float
+        That of the filter that the samples were rendered with, in sample pixels squared.
+
+    Raises
+    ------
+    SettingsError
+        If one is negative or not finite.
+    """
+
+    pixel_variance: float
+    sample_variance: float
+
+    def __post_init__(self) -> None:
+        for value in (self.pixel_variance, self.sample_variance):
+            if not (math.isfinite(value) and value >= 0.0):
+                raise SettingsError(f"A pixel filter's variance must be 0 or more, not {value:g}.")
+
+    @property
+    def makes_points(self) -> bool:
+        """Whether each sample shows one point, not a neighbourhood."""
+        return self.sample_variance < _POINT_VARIANCE
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +146,9 @@ class Samples:
         Whether samples lie at pixel centres or corners. Corner samples are one more than the pixels,
         each way.
     supersampling : int
-        Samples for each final pixel, each way; results are averaged down by it.
+        Samples for each final pixel, each way.
+    pixel_filter : PixelFilter or None
+        The renderer's filter, with which they are filtered down; without, squares of them are averaged.
     lens : LensAttributes
         Lens and aperture of the camera.
     film : Film or None
@@ -130,6 +171,7 @@ class Samples:
     pixel_aspect: float = 1.0
     position: SamplePosition = "center"
     supersampling: int = 1
+    pixel_filter: PixelFilter | None = None
     lens: LensAttributes = field(default_factory=LensAttributes)
     film: Film | None = None
     camera: Camera | None = None
@@ -137,6 +179,13 @@ class Samples:
     paths: MotionPaths | None = None
     repaired: dict[str, int] = field(default_factory=dict)
     attributes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def mixes_surfaces(self) -> bool:
+        """Whether samples at edges have the colours of both surfaces, as ordinary pixels do."""
+        if self.pixel_filter is not None:
+            return not self.pixel_filter.makes_points
+        return self.supersampling == 1 and self.position == "center"
 
     @property
     def knows_motion(self) -> bool:

@@ -10,9 +10,10 @@ for machines without numba.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,9 @@ BACKENDS: Final[tuple[Backend, ...]] = ("auto", "numba", "numpy")
 BAND_ROWS: Final = 32
 """Rows of pixels that one thread works on at a time; a band of 1920 pixels fits a core's cache."""
 
+_WIDE: Final = 1 << 30
+"""Farther left or right than any table."""
+
 _NO_LIGHT: Final = 1e-12
 """Weight below which no sample reached a pixel; rounding leaves some 1e-16 of the weights around it."""
 
@@ -37,24 +41,77 @@ _SHARED_PRIMARY: Final = (0, 0, 0, 0, 0)
 _OWN_PRIMARY: Final = (0, 1, 2, 1, 0, 1, 2)
 
 
+class Masks(NamedTuple):
+    """Which parts of the aperture see samples, in square cells over each sample's circle.
+
+    Parameters
+    ----------
+    number : ndarray of int32 of shape (sheets, rows, columns)
+        Row of `cells` of each sample; -1 for one that spreads over all of its table.
+    group : ndarray of uint8 of shape (sheets, rows, columns)
+        `WHOLE`, `PARTLY` or `BEHIND`: in which sum a sample counts.
+    cells : ndarray of uint16 of shape (masks, 16)
+        Bit i of number j: light reaches column i and row j of the cells.
+    radius_x, radius_y : ndarray of float64 of shape (tables,)
+        Half sizes in pixels of the square that the cells divide, for each table.
+    sharp : ndarray of bool of shape (rows, columns)
+        Pixels of the output that a surface in focus covers, to which nothing behind the focus gives light.
+    """
+
+    number: npt.NDArray[np.int32]
+    group: npt.NDArray[np.uint8]
+    cells: npt.NDArray[np.uint16]
+    radius_x: npt.NDArray[np.float64]
+    radius_y: npt.NDArray[np.float64]
+    sharp: npt.NDArray[np.bool_]
+
+
+WHOLE: Final = 0
+"""Samples that all of the aperture sees: their weights are exact."""
+
+PARTLY: Final = 1
+"""Samples that parts of the aperture see: as exact as the cells are."""
+
+BEHIND: Final = 2
+"""The same behind the plane in focus."""
+
+_MOST_GAIN: Final = 2.0
+"""Most that what is partly hidden is strengthened by where weights are missing."""
+
+_CELLS: Final = 16
+_CELL: Final = 2.0 / _CELLS
+"""Side of a cell in radii."""
+
+_NO_MASKS: Final = Masks(
+    np.zeros((0, 0, 0), dtype=np.int32),
+    np.zeros((0, 0, 0), dtype=np.uint8),
+    np.zeros((0, _CELLS), dtype=np.uint16),
+    np.zeros(0),
+    np.zeros(0),
+    np.zeros((0, 0), dtype=np.bool_),
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Scatter:
     """One layer of samples on its way to pixels.
 
     Parameters
     ----------
-    color : ndarray of float32 of shape (rows, columns, 4)
+    color : ndarray of float32 of shape (sheets, rows, columns, 4)
         Premultiplied red, green, blue, alpha of the samples; finite.
-    weight : ndarray of float32 of shape (rows, columns)
+    weight : ndarray of float32 of shape (sheets, rows, columns)
         Weight of each sample, 0 or more: 1 everywhere, or 1/z^2 (1981, eq. 20).
     assignment : TableAssignment
-        Table of each sample.
+        Table of each sample, (sheets, rows, columns).
     tables : PackedTables
         The tables.
     origin : tuple of int
         Column and row of the output at which the samples' first column and row lie.
     shape : tuple of int
         Rows and columns of the output.
+    masks : Masks, optional
+        Which parts of the aperture see each sample; by default all do.
     """
 
     color: Float32Array
@@ -63,6 +120,7 @@ class Scatter:
     tables: PackedTables
     origin: tuple[int, int]
     shape: tuple[int, int]
+    masks: Masks | None = None
 
 
 def uses_numba(backend: Backend) -> bool:
@@ -78,7 +136,9 @@ def uses_numba(backend: Backend) -> bool:
     return jit.HAVE_NUMBA and backend != "numpy"
 
 
-def scatter(work: Scatter, output: Float32Array, backend: Backend = "auto") -> Iterator[float]:
+def scatter(
+    work: Scatter, output: Float32Array, reached: Float32Array, backend: Backend = "auto"
+) -> Iterator[float]:
     """Scatter samples into pixels and divide by the weights, a few bands at a time.
 
     Parameters
@@ -87,6 +147,8 @@ def scatter(work: Scatter, output: Float32Array, backend: Backend = "auto") -> I
         Samples, tables and output size.
     output : ndarray of float32 of shape (rows, columns, 4)
         Receives the premultiplied picture. Pixels that no sample reaches become 0.
+    reached : ndarray of float32 of shape (rows, columns)
+        Receives the sum of the weights of each pixel, those of green where the primaries differ.
     backend : {"auto", "numba", "numpy"}
         ``auto`` takes numba where it loads.
 
@@ -101,18 +163,19 @@ def scatter(work: Scatter, output: Float32Array, backend: Backend = "auto") -> I
         If numba is asked for and missing.
     """
     if not uses_numba(backend):
-        yield from _scatter_numpy(work, output)
+        yield from _scatter_numpy(work, output, reached)
         return
     tables, assignment = work.tables, work.assignment
     rows = work.shape[0]
     bands = -(-rows // BAND_ROWS)
     fraction = assignment.fraction
     first_row, last_row = _row_reach(work)
+    masks = _NO_MASKS if work.masks is None else work.masks
     arguments = (
         work.color,
         work.weight,
         assignment.table,
-        np.zeros((0, 0), dtype=np.float32) if fraction is None else fraction,
+        np.zeros((0, 0, 0), dtype=np.float32) if fraction is None else fraction,
         fraction is not None,
         first_row,
         last_row,
@@ -127,7 +190,10 @@ def scatter(work: Scatter, output: Float32Array, backend: Backend = "auto") -> I
         tuple(range(tables.primaries)),
         work.origin[0],
         work.origin[1],
+        masks,
+        work.masks is not None,
         output,
+        reached,
     )
     together = jit.set_thread_count(None) * 2
     for first in range(0, bands, together):
@@ -142,37 +208,37 @@ def _row_reach(work: Scatter) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int
     if work.assignment.fraction is not None:
         top = np.minimum(top, np.append(top[1:], top[-1]))
         bottom = np.maximum(bottom, np.append(bottom[1:], bottom[-1]))
-    rows = np.arange(table.shape[0]) + work.origin[1]
-    return rows + top[table].min(axis=1), rows + bottom[table].max(axis=1)
+    rows = np.arange(table.shape[1]) + work.origin[1]
+    return rows + top[table].min(axis=(0, 2)), rows + bottom[table].max(axis=(0, 2))
 
 
 @jit.kernel(inline=True)
 def _add(
-    total: Any, row: int, at: int, r: float, g: float, b: float, a: float, w: float,
+    total: Any, row: int, at: int, k: int, r: float, g: float, b: float, a: float, w: float,
     delta: Any, e: int, sign: float, primaries: tuple[int, ...],
 ) -> None:  # fmt: skip
-    """Add one entry of a table to the sums of one pixel."""
+    """Add one entry of a table to the sums of one pixel, of which the first is `k`."""
     d = sign * delta[e, 0]
     if len(primaries) == 1:
-        total[row, at, 0] += r * d
-        total[row, at, 1] += g * d
-        total[row, at, 2] += b * d
-        total[row, at, 3] += a * d
-        total[row, at, 4] += w * d
+        total[row, at, k] += r * d
+        total[row, at, k + 1] += g * d
+        total[row, at, k + 2] += b * d
+        total[row, at, k + 3] += a * d
+        total[row, at, k + 4] += w * d
     else:
         green, blue = sign * delta[e, 1], sign * delta[e, 2]
-        total[row, at, 0] += r * d
-        total[row, at, 1] += g * green
-        total[row, at, 2] += b * blue
-        total[row, at, 3] += a * green
-        total[row, at, 4] += w * d
-        total[row, at, 5] += w * green
-        total[row, at, 6] += w * blue
+        total[row, at, k] += r * d
+        total[row, at, k + 1] += g * green
+        total[row, at, k + 2] += b * blue
+        total[row, at, k + 3] += a * green
+        total[row, at, k + 4] += w * d
+        total[row, at, k + 5] += w * green
+        total[row, at, k + 6] += w * blue
 
 
 @jit.kernel()
 def _add_table(
-    total: Any, t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
+    total: Any, k: int, t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
     first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any,
     symmetric: bool, mirror: int, primaries: tuple[int, ...],
 ) -> None:  # fmt: skip
@@ -185,11 +251,84 @@ def _add_table(
             # What begins left of the frame has begun at its edge; what begins right of it is not seen.
             at = x + offset[e]
             if at < columns:
-                _add(total, start + j, max(at, 0), r, g, b, a, w, delta, e, 1.0, primaries)
+                _add(total, start + j, max(at, 0), k, r, g, b, a, w, delta, e, 1.0, primaries)
             if symmetric:
                 at = x + mirror - offset[e]
                 if at < columns:
-                    _add(total, start + j, max(at, 0), r, g, b, a, w, delta, e, -1.0, primaries)
+                    _add(total, start + j, max(at, 0), k, r, g, b, a, w, delta, e, -1.0, primaries)
+
+
+@jit.kernel()
+def _add_masked_table(
+    total: Any, k: int, t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
+    first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any,
+    symmetric: bool, mirror: int, primaries: tuple[int, ...],
+    cells: Any, number: int, radius_x: float, radius_y: float, half: float, run: Any,
+) -> None:  # fmt: skip
+    """Add those parts of one sample's table that its mask lets through.
+
+    Runs of cells in a row are cut out of the table's row: it opens with the value that it has at the run's
+    begin, follows the table, and closes at the run's end. `run` has room for one entry.
+    """
+    band_rows, columns = total.shape[0], total.shape[1]
+    start = y + first_row[t]
+    first = rows[t]
+    for j in range(max(0, -start), min(rows[t + 1] - first, band_rows - start)):
+        across = (first_row[t] + j + 0.5 - half) / max(radius_y, _NO_LIGHT)
+        cell_row = min(max(math.floor((across + 1.0) / _CELL), 0), _CELLS - 1)
+        bits = int(cells[number, cell_row])
+        cell = 0
+        while bits >> cell != 0:
+            if (bits >> cell) & 1 == 0:
+                cell += 1
+                continue
+            begin = cell
+            while (bits >> cell) & 1 == 1:
+                cell += 1
+            low = -_WIDE if begin == 0 else math.floor((begin * _CELL - 1.0) * radius_x + half + 0.5)
+            high = _WIDE if cell == _CELLS else math.floor((cell * _CELL - 1.0) * radius_x + half + 0.5)
+            if low >= high:
+                continue
+            for p in range(len(primaries)):
+                run[:, p] = 0.0
+            for e in range(row_begin[first + j], row_end[first + j]):
+                for side in range(2):
+                    if side == 1 and not symmetric:
+                        break
+                    at = offset[e] if side == 0 else mirror - offset[e]
+                    sign = 1.0 if side == 0 else -1.0
+                    if at <= low:
+                        for p in range(len(primaries)):
+                            run[0, p] += sign * delta[e, p]
+                    elif at < high and x + at < columns:
+                        _add(total, start + j, max(x + at, 0), k, r, g, b, a, w, delta, e, sign, primaries)
+                    if at < high:
+                        for p in range(len(primaries)):
+                            run[1, p] += sign * delta[e, p]
+            if x + low < columns and low > -_WIDE:
+                _add(total, start + j, max(x + low, 0), k, r, g, b, a, w, run, 0, 1.0, primaries)
+            if x + high < columns and high < _WIDE:
+                _add(total, start + j, max(x + high, 0), k, r, g, b, a, w, run, 1, -1.0, primaries)
+
+
+@jit.kernel()
+def _add_sample(
+    total: Any, k: int, t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
+    first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any,
+    symmetric: bool, mirror: int, primaries: tuple[int, ...], masks: Any, number: int, run: Any,
+) -> None:  # fmt: skip
+    """Add one sample through a table to a band of sums, through its mask where it has one."""
+    if number < 0:
+        _add_table(
+            total, k, t, x, y, r, g, b, a, w, first_row, rows, row_begin, row_end, offset, delta, symmetric,
+            mirror, primaries,
+        )  # fmt: skip
+    else:
+        half = 0.5 * mirror
+        _add_masked_table(
+            total, k, t, x, y, r, g, b, a, w, first_row, rows, row_begin, row_end, offset, delta, symmetric,
+            mirror, primaries, masks.cells, number, masks.radius_x[t], masks.radius_y[t], half, run,
+        )  # fmt: skip
 
 
 @jit.kernel(parallel=True)
@@ -199,7 +338,7 @@ def _scatter_bands(
     first_reached: Any, last_reached: Any,
     first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any,
     symmetric: bool, mirror: int, primaries: tuple[int, ...],
-    origin_x: int, origin_y: int, output: Any,
+    origin_x: int, origin_y: int, masks: Any, masked: bool, output: Any, reached: Any,
 ) -> None:  # fmt: skip
     """Scatter all samples that reach some bands of the output into them, and divide by the weights.
 
@@ -212,87 +351,124 @@ def _scatter_bands(
     for band in jit.prange(first_band, end_band):
         top = band * BAND_ROWS
         bottom = min(top + BAND_ROWS, height)
-        total = np.zeros((bottom - top, columns, channels))
-        for row in range(color.shape[0]):
+        total = np.zeros((bottom - top, columns, 3 * channels if masked else channels))
+        run = np.zeros((2, len(primaries)))
+        for row in range(color.shape[1]):
             if last_reached[row] < top or first_reached[row] >= bottom:
                 continue
             y = row + origin_y - top
-            for column in range(color.shape[1]):
-                x = column + origin_x
-                t = table[row, column]
-                after = float(fraction[row, column]) if interpolated else 0.0
-                # In single precision, so that times a table's entry the product is exact.
-                w: Any = np.float32(weight[row, column] * (1.0 - after))
-                r, g = color[row, column, 0] * w, color[row, column, 1] * w
-                b, a = color[row, column, 2] * w, color[row, column, 3] * w
-                _add_table(
-                    total, t, x, y, r, g, b, a, w, first_row, rows, row_begin, row_end, offset, delta,
-                    symmetric, mirror, primaries,
-                )  # fmt: skip
-                if after > 0.0:
-                    w = np.float32(weight[row, column] * after)
-                    r, g = color[row, column, 0] * w, color[row, column, 1] * w
-                    b, a = color[row, column, 2] * w, color[row, column, 3] * w
-                    _add_table(
-                        total, t + 1, x, y, r, g, b, a, w, first_row, rows, row_begin, row_end, offset,
-                        delta, symmetric, mirror, primaries,
+            for sheet in range(color.shape[0]):
+                for column in range(color.shape[2]):
+                    whole = weight[sheet, row, column]
+                    if whole == 0.0:
+                        continue
+                    x = column + origin_x
+                    t = table[sheet, row, column]
+                    number = masks.number[sheet, row, column] if masked else -1
+                    k = channels * masks.group[sheet, row, column] if masked else 0
+                    after = float(fraction[sheet, row, column]) if interpolated else 0.0
+                    # In single precision, so that times a table's entry the product is exact.
+                    w: Any = np.float32(whole * (1.0 - after))
+                    r, g = color[sheet, row, column, 0] * w, color[sheet, row, column, 1] * w
+                    b, a = color[sheet, row, column, 2] * w, color[sheet, row, column, 3] * w
+                    _add_sample(
+                        total, k, t, x, y, r, g, b, a, w, first_row, rows, row_begin, row_end, offset, delta,
+                        symmetric, mirror, primaries, masks, number, run,
                     )  # fmt: skip
+                    if after > 0.0:
+                        w = np.float32(whole * after)
+                        r, g = color[sheet, row, column, 0] * w, color[sheet, row, column, 1] * w
+                        b, a = color[sheet, row, column, 2] * w, color[sheet, row, column, 3] * w
+                        _add_sample(
+                            total, k, t + 1, x, y, r, g, b, a, w, first_row, rows, row_begin, row_end, offset,
+                            delta, symmetric, mirror, primaries, masks, number, run,
+                        )  # fmt: skip
         for row in range(bottom - top):
             for column in range(1, columns):
-                for c in range(channels):
+                for c in range(total.shape[2]):
                     total[row, column, c] += total[row, column - 1, c]
             for column in range(columns):
+                behind = masked and not masks.sharp[top + row, column]
                 for c in range(4):
-                    below = total[row, column, 4]
+                    at = 4
                     if len(primaries) == 3 and c > 0:
-                        below = total[row, column, 6 if c == 2 else 5]
-                    value = total[row, column, c] / below if below > _NO_LIGHT else 0.0
-                    output[top + row, column, c] = value
+                        at = 6 if c == 2 else 5
+                    light, below = total[row, column, c], total[row, column, at]
+                    if masked:
+                        more, partly = total[row, column, channels + c], total[row, column, channels + at]
+                        if behind:
+                            more += total[row, column, 2 * channels + c]
+                            partly += total[row, column, 2 * channels + at]
+                        gain = _gain(below, partly)
+                        light, below = light + gain * more, below + gain * partly
+                    output[top + row, column, c] = light / below if below > _NO_LIGHT else 0.0
+                    if c == 1:
+                        reached[top + row, column] = below
 
 
-def _scatter_numpy(work: Scatter, output: Float32Array) -> Iterator[float]:
+@jit.kernel(inline=True)
+def _gain(whole: float, partly: float) -> float:
+    """Return what the weight of partly hidden samples is to be multiplied by, so that all add up to 1.
+
+    What is seen whole is exact, and what is hidden in parts is as exact as the cells: it is what is left.
+    """
+    return min(max((1.0 - whole) / max(partly, _NO_LIGHT), 0.0), _MOST_GAIN)
+
+
+def _scatter_numpy(work: Scatter, output: Float32Array, reached: Float32Array) -> Iterator[float]:
     """Scatter all samples, table by table and entry by entry."""
     tables, assignment = work.tables, work.assignment
     primary = np.array(_SHARED_PRIMARY if tables.primaries == 1 else _OWN_PRIMARY)
     height, columns = work.shape
+    sheets, sample_rows, sample_columns = work.weight.shape
     # A margin all round takes what falls outside, so no entry needs a test.
     left = max(0, -work.origin[0]) + tables.reach_x
-    right = max(0, work.origin[0] + work.color.shape[1] - columns) + tables.reach_x
+    right = max(0, work.origin[0] + sample_columns - columns) + tables.reach_x
     above = max(0, -work.origin[1]) - int(tables.first_row.min())
-    below = max(0, work.origin[1] + work.color.shape[0] - height) + int(tables.last_row.max())
+    below = max(0, work.origin[1] + sample_rows - height) + int(tables.last_row.max())
     stride = left + columns + right + 1
-    total = np.zeros(((above + height + below) * stride, primary.size))
-    color, weight = work.color.reshape(-1, 4), work.weight.reshape(-1)
-    row, column = np.divmod(np.arange(weight.size), work.color.shape[1])
+    totals = np.zeros((3, (above + height + below) * stride, primary.size))
+    row, column = np.divmod(np.arange(sample_rows * sample_columns), sample_columns)
     place = (row + work.origin[1] + above) * stride + column + work.origin[0] + left
-    fraction = None if assignment.fraction is None else assignment.fraction.reshape(-1)
-    table = assignment.table.reshape(-1)
-    order = np.argsort(table, kind="stable")
-    bounds = np.searchsorted(table[order], np.arange(tables.count + 1))
-
-    def add(t: int, samples: npt.NDArray[np.int64], share: npt.NDArray[np.floating]) -> None:
-        # In single precision as in the kernel, so that times a table's entry the product is exact.
-        w = (weight[samples] * share).astype(np.float32)[:, np.newaxis]
-        weights = np.repeat(w, primary.size - 4, axis=1)
-        value = np.concatenate([color[samples] * w, weights], axis=1).astype(np.float64)
-        _add_samples(tables, t, place[samples], value, stride, primary, total)
-
-    for t in range(tables.count):
-        samples = order[bounds[t] : bounds[t + 1]]
-        after = np.zeros(samples.size) if fraction is None else fraction[samples].astype(np.float64)
-        add(t, samples, 1.0 - after)
-        if after.any():
-            add(t + 1, samples, after)
-        yield (t + 1) / (tables.count + 1)
-    picture = np.cumsum(total.reshape(-1, stride, primary.size), axis=1)
-    picture = picture[above : above + height, left : left + columns]
-    below_line = picture[..., 4 + primary[:4]] if tables.primaries == 3 else picture[..., 4:5]
-    output[:] = np.divide(
-        picture[..., :4],
-        below_line,
-        out=np.zeros_like(picture[..., :4]),
-        where=below_line > _NO_LIGHT,
-    )
+    for sheet in range(sheets):
+        color, weight = work.color[sheet].reshape(-1, 4), work.weight[sheet].reshape(-1)
+        fraction = None if assignment.fraction is None else assignment.fraction[sheet].reshape(-1)
+        used = np.flatnonzero(weight > 0.0)
+        table = assignment.table[sheet].reshape(-1)[used]
+        order = used[np.argsort(table, kind="stable")]
+        bounds = np.searchsorted(np.sort(table), np.arange(tables.count + 1))
+        for t in range(tables.count):
+            samples = order[bounds[t] : bounds[t + 1]]
+            after = np.zeros(samples.size) if fraction is None else fraction[samples].astype(np.float64)
+            for n, share in ((t, 1.0 - after), (t + 1, after)):
+                if not share.any():
+                    continue
+                # In single precision as in the kernel, so that times a table's entry the product is exact.
+                w = (weight[samples] * share).astype(np.float32)[:, np.newaxis]
+                weights = np.repeat(w, primary.size - 4, axis=1)
+                value = np.concatenate([color[samples] * w, weights], axis=1).astype(np.float64)
+                if work.masks is None:
+                    _add_samples(tables, n, place[samples], value, stride, primary, totals[0])
+                    continue
+                number = work.masks.number[sheet].reshape(-1)[samples]
+                group = work.masks.group[sheet].reshape(-1)[samples]
+                for g, total in enumerate(totals):
+                    which = np.flatnonzero((group == g) & (number < 0))
+                    _add_samples(tables, n, place[samples[which]], value[which], stride, primary, total)
+                    which = np.flatnonzero((group == g) & (number >= 0))
+                    cells, at = work.masks.cells[number[which]], place[samples[which]]
+                    _add_masked(tables, n, at, value[which], stride, primary, total, work.masks, cells)
+            yield (sheet + (t + 1) / (tables.count + 1)) / sheets
+    sums = np.cumsum(totals.reshape(3, -1, stride, primary.size), axis=2)
+    whole, partly, behind = sums[:, above : above + height, left : left + columns]
+    weights = 4 + primary[:4] if tables.primaries == 3 else np.full(4, 4)
+    light, below_line = whole[..., :4], whole[..., weights]
+    if work.masks is not None:
+        partly = partly + np.where(work.masks.sharp[..., np.newaxis], 0.0, behind)
+        gain = np.clip((1.0 - below_line) / np.maximum(partly[..., weights], _NO_LIGHT), 0.0, _MOST_GAIN)
+        light, below_line = light + gain * partly[..., :4], below_line + gain * partly[..., weights]
+    reached[:] = below_line[..., 1]
+    output[:] = np.divide(light, below_line, out=np.zeros_like(light), where=below_line > _NO_LIGHT)
     yield 1.0
 
 
@@ -307,10 +483,50 @@ def _add_samples(
 ) -> None:
     """Add samples that share a table; no two have the same place, so plain indexing adds them all."""
     for j in range(int(tables.rows[t + 1] - tables.rows[t])):
-        r = tables.rows[t] + j
         line = place + (int(tables.first_row[t]) + j) * stride
-        for e in range(tables.row_begin[r], tables.row_end[r]):
-            change = value * tables.delta[e, primary]
-            total[line + tables.offset[e]] += change
-            if tables.symmetric:
-                total[line + tables.mirror - tables.offset[e]] -= change
+        offset, delta = _row_entries(tables, int(tables.rows[t]) + j)
+        for at, entry in zip(offset, delta, strict=True):
+            total[line + at] += value * entry[primary]
+
+
+def _row_entries(tables: PackedTables, row: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Return the entries of a table's row, both halves."""
+    entries = slice(tables.row_begin[row], tables.row_end[row])
+    offset, delta = tables.offset[entries].astype(np.int64), tables.delta[entries]
+    if tables.symmetric:
+        offset = np.concatenate([offset, tables.mirror - offset])
+        delta = np.concatenate([delta, -delta])
+    return offset, delta
+
+
+def _add_masked(
+    tables: PackedTables,
+    t: int,
+    place: npt.NDArray[np.int64],
+    value: npt.NDArray[np.float64],
+    stride: int,
+    primary: npt.NDArray[np.int64],
+    total: npt.NDArray[np.float64],
+    masks: Masks,
+    cells: npt.NDArray[np.uint16],
+) -> None:
+    """Add samples that share a table through their masks, cell by cell."""
+    half = 0.5 * tables.mirror
+    edges = np.floor((np.arange(_CELLS + 1) * _CELL - 1.0) * masks.radius_x[t] + half + 0.5).astype(np.int64)
+    edges[0], edges[-1] = -_WIDE, _WIDE
+    for j in range(int(tables.rows[t + 1] - tables.rows[t])):
+        across = (int(tables.first_row[t]) + j + 0.5 - half) / max(float(masks.radius_y[t]), _NO_LIGHT)
+        row_bits = cells[:, min(max(math.floor((across + 1.0) / _CELL), 0), _CELLS - 1)]
+        line = place + (int(tables.first_row[t]) + j) * stride
+        offset, delta = _row_entries(tables, int(tables.rows[t]) + j)
+        for cell in range(_CELLS):
+            lit = np.flatnonzero(row_bits >> cell & 1)
+            low, high = edges[cell], edges[cell + 1]
+            if lit.size == 0 or low >= high:
+                continue
+            before, within = offset <= low, (offset > low) & (offset < high)
+            entries = [(low, delta[before].sum(axis=0)), *zip(offset[within], delta[within], strict=True)]
+            entries.append((high, -delta[offset < high].sum(axis=0)))
+            for at, entry in entries:
+                if abs(at) < _WIDE:
+                    total[line[lit] + at] += value[lit] * entry[primary]

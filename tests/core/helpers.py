@@ -137,8 +137,7 @@ def square_film(samples: Samples, pitch: float = 1e-4) -> Film:
 
 def focused(samples: Samples, settings: FocusSettings) -> Picture:
     """Return the focus processor's picture of the first layer."""
-    picture, _ = run(focus_layer(samples.layers[0], samples, settings))
-    return picture
+    return run(focus_layer(samples.layers[0], samples, settings)).picture
 
 
 def eq_22(samples: Samples, settings: FocusSettings, weight: Array) -> Array:

@@ -907,12 +907,12 @@ def guessed_result(samples: Any) -> tuple[Any, Any]:
 def test_mask_is_grey(tmp_path: Path) -> None:
     samples = exr.read_samples(rendered_file(tmp_path))
     result, mask = guessed_result(samples)
-    cli.write_mask(tmp_path / "mask.exr", result, samples)
+    cli.write_map(tmp_path / "mask.exr", result.guessed, result, samples)
     written = read_rgba(tmp_path / "mask.exr")
     for channel in range(3):
         assert np.array_equal(written[..., channel], mask)
     assert (written[..., 3] == 1.0).all()
-    cli.write_mask(tmp_path / "mask.png", result, samples)
+    cli.write_map(tmp_path / "mask.png", result.guessed, result, samples)
     values = read_png(tmp_path / "mask.png")
     assert values.shape == (*mask.shape, 3)
     assert (values[0, 0, 0], values[-1, -1, 0]) == (0, 255)
@@ -928,6 +928,36 @@ def test_mask_lies_where_the_picture_does(potmesil: Runner, tmp_path: Path) -> N
         assert [c.tolist() for c in mask.header[name]] == [c.tolist() for c in picture.header[name]]
     # Nothing moves, so nothing was guessed.
     assert (mask.channels["RGBA"].pixels[..., :3] == 0.0).all()
+
+
+def test_error_map_and_report_say_how_sure_the_picture_is(potmesil: Runner, tmp_path: Path) -> None:
+    source, report = rendered_file(tmp_path), tmp_path / "r.json"
+    arguments = ["process", source, "-o", tmp_path / "o.exr", "--error-map", tmp_path / "e.exr"]
+    assert potmesil(*arguments, "--report", report).status == 0
+    error = read_rgba(tmp_path / "e.exr")
+    assert error.shape == read_rgba(tmp_path / "o.exr").shape
+    assert error[..., :3].min() >= 0.0
+    quality = json.loads(report.read_text())["quality"]
+    assert quality["predicted_error"] == pytest.approx(float(np.sqrt((error[..., 0] ** 2).mean())), rel=1e-5)
+    assert 0.0 <= quality["guessed_light"] <= 1.0
+    assert 0.0 <= quality["guessed_pixels"] <= 1.0
+
+
+@pytest.mark.parametrize("visibility", ["aperture", "none"])
+def test_visibility_is_chosen_and_reported(potmesil: Runner, tmp_path: Path, visibility: str) -> None:
+    source, report = rendered_file(tmp_path), tmp_path / "r.json"
+    words = () if visibility == "aperture" else ("--visibility", visibility)
+    ended = potmesil("process", source, "-o", tmp_path / "o.exr", "--report", report, *words)
+    assert ended.status == 0, ended.err
+    assert json.loads(report.read_text())["lens"]["visibility"] == visibility
+
+
+def test_error_map_replaces_nothing(potmesil: Runner, tmp_path: Path) -> None:
+    source = rendered_file(tmp_path)
+    for other in ("o.exr", "m.exr"):
+        words = ("-o", tmp_path / "o.exr", "--mask", tmp_path / "m.exr", "--error-map", tmp_path / other)
+        one_line(potmesil("process", source, *words), 2)
+        assert not (tmp_path / "o.exr").exists()
 
 
 @pytest.mark.parametrize("name", ["in.exr", "out.exr", "mask.jpg"])

@@ -263,6 +263,78 @@ def test_one_part_for_each_pass(tmp_path: Path, prefix: str) -> None:
     check_passes(tmp_path / "a.exr")
 
 
+# Layers behind others
+
+
+def layered(*names: str) -> dict[str, Any]:
+    """Return the passes of layers of these names."""
+    return {full: values for name in names for full, values in passes(f"{name}.").items()}
+
+
+def test_layers_behind_come_nearest_first_and_are_no_layers_of_their_own(tmp_path: Path) -> None:
+    names = ["View", *(f"View (behind {n})" for n in (2, 10, 1, 9, 3, 8, 4, 7, 5, 6)), "Far (behind 1)"]
+    path = write_exr(tmp_path / "a.exr", layered(*names))
+    layers = {layer.name: layer for layer in exr.read_samples(path).layers}
+    assert sorted(layers) == ["Far (behind 1)", "View"]
+    behind = [layer.name for layer in layers["View"].hidden]
+    assert behind == [f"View{exr.behind(n)}" for n in range(1, 11)]
+    for layer in layers["View"].hidden:
+        assert layer.depth is not None
+        assert layer.object_index is not None
+        assert layer.vector is not None
+        assert layer.hidden == ()
+    with pytest.raises(InputError, match="no layer 'View \\(behind 1\\)'"):
+        exr.read_samples(path, ("View (behind 1)",))
+
+
+def test_layers_behind_one_without_a_name(tmp_path: Path) -> None:
+    channels = plain_channels(4, 5)
+    channels |= {f" (behind 1).{name}": values for name, values in plain_channels(4, 5, seed=1).items()}
+    (layer,) = exr.read_samples(write_exr(tmp_path / "a.exr", channels)).layers
+    assert np.array_equal(layer.hidden[0].depth, channels[" (behind 1).Z"])
+
+
+def test_a_layer_behind_that_is_missing_or_not_whole_is_refused(tmp_path: Path) -> None:
+    path = write_exr(tmp_path / "a.exr", layered("View", "View (behind 2)"))
+    assert "'View (behind 1)'" in refused(path)
+    assert "is missing" in refused(path)
+    for lost in ("Depth", "Combined"):
+        channels = layered("View", "View (behind 1)")
+        for full in list(channels):
+            if full.startswith(f"View (behind 1).{lost}."):
+                del channels[full]
+        text = refused(write_exr(tmp_path / "a.exr", channels))
+        assert "'View (behind 1)'" in text
+        assert "lacks colour or depth" in text
+
+
+def test_a_layer_behind_with_other_pixels_is_refused(tmp_path: Path) -> None:
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    smaller = {name: np.ascontiguousarray(v[1:]) for name, v in passes("View (behind 1).").items()}
+    window = {"dataWindow": box(0, 1, 4, 3), "displayWindow": box(0, 0, 4, 3)}
+    parts = [
+        OpenEXR.Part({**header, **window, "dataWindow": box(0, 0, 4, 3)}, passes("View."), "View"),
+        OpenEXR.Part({**header, **window}, smaller, "View (behind 1)"),
+    ]
+    OpenEXR.File(parts).write(str(tmp_path / "a.exr"))
+    assert "another data window" in refused(tmp_path / "a.exr")
+
+
+@pytest.mark.parametrize("single", [True, False])
+def test_annotating_with_layers_behind(tmp_path: Path, single: bool) -> None:
+    for name in ("in", "one", "two"):
+        if single:
+            write_exr(tmp_path / f"{name}.exr", passes("ViewLayer."))
+        else:
+            multi_part(tmp_path / f"{name}.exr", "ViewLayer.")
+    companions = {exr.behind(n): tmp_path / f"{name}.exr" for n, name in ((1, "one"), (2, "two"))}
+    exr.annotate(tmp_path / "in.exr", tmp_path / "out.exr", {}, companions)
+    check_passes(tmp_path / "out.exr")
+    (layer,) = exr.read_samples(tmp_path / "out.exr").layers
+    assert [other.name for other in layer.hidden] == ["ViewLayer (behind 1)", "ViewLayer (behind 2)"]
+    assert np.array_equal(layer.hidden[1].color, layer.color)
+
+
 def test_plain_channels_of_other_programs(tmp_path: Path) -> None:
     channels = plain_channels(4, 5)
     (layer,) = exr.read_samples(write_exr(tmp_path / "a.exr", channels)).layers
@@ -358,6 +430,10 @@ def test_corner_samples_and_supersampling_are_said_by_attributes(tmp_path: Path)
     [
         ({"potmesil:samplePosition": "edge"}, "center or corner"),
         ({"potmesil:samplePosition": np.array([1.0, 2.0], dtype=np.float32)}, "center or corner"),
+        ({"potmesil:filter": "[]"}, "pixel filter"),
+        ({"potmesil:filter": "{"}, "pixel filter"),
+        ({"potmesil:filter": '{"pixel_variance": 0.17}'}, "pixel filter"),
+        ({"potmesil:filter": '{"pixel_variance": -1, "sample_variance": 0.1}'}, "pixel filter"),
         ({"potmesil:supersampling": 7}, "1 to 4"),
         ({"potmesil:supersampling": 1.5}, "1 to 4"),
         ({"potmesil:supersampling": 2}, "multiple"),

@@ -552,7 +552,7 @@ def test_report_says_what_was_done() -> None:
     depth = np.array([[1.0, 4.0, np.inf]])
     samples = make_samples(np.ones((1, 3, 4)), depth)
     settings = FocusSettings(WIDE, square_film(samples, PITCH))
-    _, report = run(focus_layer(samples.layers[0], samples, settings))
+    report = run(focus_layer(samples.layers[0], samples, settings)).report
     assert (report.nearest_m, report.farthest_m) == (1.0, 4.0)
     # 2.5 mm / 1.4 (1/2 - 1) and (1/2 - 0), in pixels of 0.15 mm.
     assert report.nearest_circle_px == pytest.approx(-2.5 / 1.4 * 0.5 / 0.15, rel=1e-9)
@@ -560,7 +560,7 @@ def test_report_says_what_was_done() -> None:
     assert report.tables == 3
     assert report.table_bytes > 0
     # Of a picture with four samples a pixel, in its final pixels.
-    _, finer = run(focus_layer(samples.layers[0], replace(samples, supersampling=2), settings))
+    finer = run(focus_layer(samples.layers[0], replace(samples, supersampling=2), settings)).report
     assert finer.farthest_circle_px == pytest.approx(report.farthest_circle_px / 2.0, rel=1e-12)
 
 

@@ -9,6 +9,7 @@ by up to a sixth of it on the fifth or less of the changed pixels that are edges
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 import tracemalloc
 from collections.abc import Callable
@@ -32,6 +33,7 @@ from potmesil_addon.process import ProcessSettings, process, run
 from potmesil_addon.samples import LensAttributes, SampleLayer, Samples, Window
 from potmesil_addon.sheets import on_display
 from potmesil_addon.shutter import Shutter, ShutterAttributes, Slit, SlitEdge
+from potmesil_addon.visibility import Visibility
 
 from .helpers import Array, Picture
 from .motion_scenes import (
@@ -53,6 +55,7 @@ from .motion_scenes import (
     pose,
     samples_of,
     scene_named,
+    seen,
     swept,
     waves,
 )
@@ -716,13 +719,66 @@ def focused_instants(scene: Scene, times: Array, lenses: list[Lens]) -> Array:
     window = Window(0, 0, COLUMNS, ROWS)
     for t, lens in zip(times, lenses, strict=True):
         layer = at_instant(scene, float(t), sub=3)
-        total += run(focus_layer(layer, Samples((layer,), window, window), FocusSettings(lens, FILM)))[0]
+        total += run(focus_layer(layer, Samples((layer,), window, window), FocusSettings(lens, FILM))).picture
     return total / times.size
 
 
-def cascaded(samples: Samples, lens: Lens, shutter: ShutterAttributes) -> Any:
+def cascaded(
+    samples: Samples, lens: Lens, shutter: ShutterAttributes, visibility: Visibility = "none"
+) -> Any:
     attributes = LensAttributes(lens.focal_length, lens.f_stop, lens.focus_distance)
-    return run(process(replace(samples, lens=attributes, film=FILM, shutter=shutter), ProcessSettings()))
+    samples = replace(samples, lens=attributes, film=FILM, shutter=shutter)
+    return run(process(samples, ProcessSettings(visibility=visibility)))
+
+
+def through_aperture(scene: Scene, lens: Lens, a: tuple[float, float]) -> Scene:
+    """Return the scene as a point of the aperture sees it, the plane in focus staying where it is.
+
+    A point at depth z moves by the circle's radius times `a` = (x, y down), a point of the unit disc.
+    """
+    # r = F^2 / (2 n) (1/D - 1/z) on the film is what a camera that is moved by o sees, f o (1/D - 1/z).
+    off = 0.5 * np.array(a) * lens.focal_length * lens.aperture_diameter / (1e-4 * scene.focal)
+
+    def camera(t: Array) -> Array:
+        moved = np.array(scene.camera(t))
+        moved[..., :2, 3] -= off
+        return moved
+
+    middle = scene.middle + scene.focal * off / lens.focus_distance
+    return replace(scene, camera=camera, middle=(float(middle[0]), float(middle[1])))
+
+
+@cache
+def lens_reference(name: str, circle_px: float, count: int = 1600) -> Array:
+    """Return half a frame with depth of field: each ray has its time and its point of the aperture."""
+    scene, lens = scene_named(name), lens_of(circle_px)
+    # Points that leave no gaps in time, aperture and pixel: the golden ratio's steps for five dimensions.
+    step = 1.1347241384015194 ** -np.arange(1.0, 6.0)
+    share = (0.5 + np.outer(np.arange(1, count + 1), step)) % 1.0
+    total = np.zeros((ROWS, COLUMNS, 4))
+    for t, radius, angle, dx, dy in share:
+        a = (
+            math.sqrt(radius) * math.cos(2.0 * math.pi * angle),
+            math.sqrt(radius) * math.sin(2.0 * math.pi * angle),
+        )
+        x, y = np.arange(COLUMNS) + dx, np.arange(ROWS)[:, np.newaxis] + dy
+        total += seen(through_aperture(scene, lens, a), np.array(0.5 * t - 0.25), x, y)[0]
+    return total / count
+
+
+@pytest.mark.parametrize(
+    ("name", "bound"), [("translation", ALONG), ("approach", EDGES), ("behind a post", EDGES)]
+)
+def test_defocused_card_hides_what_the_aperture_does_not_see(name: str, bound: float) -> None:
+    """Edges are known to a part of the aperture at each instant, and to all of it over the exposure."""
+    lens = lens_of(6.0)
+    expected = lens_reference(name, 6.0)
+    samples, shutter = samples_of(scene_named(name)), ShutterAttributes(frames=0.5)
+    where = np.abs(expected - shown(samples)).max(axis=2) > 0.02
+    without = decibels(cascaded(samples, lens, shutter).picture, expected, where)
+    result = cascaded(samples, lens, shutter, "aperture")
+    assert decibels(result.picture, expected, where) > max(bound, without + 2.0)
+    assert 0.0 <= result.guessed.min() <= result.guessed.max() <= 1.0
 
 
 def soft_lamp(u: Array, v: Array) -> Array:

@@ -21,6 +21,7 @@ from potmesil_addon.lens import Lens
 from potmesil_addon.process import ProcessSettings, focus_settings, process, run
 from potmesil_addon.psf import PsfSettings
 from potmesil_addon.samples import LensAttributes, SampleLayer, Samples, Window
+from potmesil_addon.visibility import VISIBILITIES, Visibility
 
 from .helpers import Picture, focused, importable, make_samples, write_exr
 
@@ -107,10 +108,19 @@ def test_round_lens_by_default() -> None:
 # Pictures
 
 
-def test_process_focuses() -> None:
+@pytest.mark.parametrize("visibility", VISIBILITIES)
+def test_process_focuses(visibility: Visibility) -> None:
     samples = stored_samples()
-    settings = FocusSettings(Lens(0.05, 2.8, 3.0, 5, 0.1, 1.5), FILM)
-    assert np.array_equal(picture_of(samples), focused(samples, settings))
+    settings = FocusSettings(Lens(0.05, 2.8, 3.0, 5, 0.1, 1.5), FILM, visibility=visibility)
+    picture = picture_of(samples, ProcessSettings(visibility=visibility))
+    assert np.array_equal(picture, focused(samples, settings))
+
+
+def test_near_surfaces_hide_far_ones_unless_told_otherwise() -> None:
+    samples = stored_samples()
+    pictures = {v: picture_of(samples, ProcessSettings(visibility=v)) for v in VISIBILITIES}
+    assert np.array_equal(picture_of(samples), pictures["aperture"])
+    assert np.abs(pictures["aperture"] - pictures["none"]).max() > 0.01
 
 
 def test_without_the_lens_samples_are_pixels() -> None:
@@ -199,9 +209,11 @@ def test_a_layer_without_a_surface_lies_behind() -> None:
 
 @pytest.mark.parametrize("use_lens", [True, False])
 def test_supersampled_input_is_averaged_down(use_lens: bool) -> None:
+    """Without visibility, which takes edges of an ordinary render apart and those of point samples not."""
     samples = stored_samples(supersampling=2)
-    result = run(process(samples, ProcessSettings(use_lens=use_lens)))
-    single = picture_of(replace(samples, supersampling=1), ProcessSettings(use_lens=use_lens))
+    settings = ProcessSettings(use_lens=use_lens, visibility="none")
+    result = run(process(samples, settings))
+    single = picture_of(replace(samples, supersampling=1), settings)
     assert result.picture.shape == (4, 6, 4)
     for row, column in np.ndindex(4, 6):
         square = single[2 * row : 2 * row + 2, 2 * column : 2 * column + 2]
@@ -222,7 +234,7 @@ def test_supersampling_keeps_the_circles_size_on_the_film() -> None:
     coarse = make_samples(color[::2, ::2], math.inf, lens=lens, film=replace(film, columns=40, rows=40))
     # A disc has r^2/4 along an axis, pixels add 1/12, and the fine light is four samples 1/4 off its middle.
     for samples, more in ((coarse, 0.0), (fine, 1.0 / 16.0)):
-        light = picture_of(samples)[..., 0].astype(np.float64)
+        light = picture_of(samples, ProcessSettings(visibility="none"))[..., 0].astype(np.float64)
         at = np.arange(40)
         mean = (light.sum(axis=0) * at).sum() / light.sum()
         spread = (light.sum(axis=0) * (at - mean) ** 2).sum() / light.sum()

@@ -1,0 +1,614 @@
+"""What a lens may see of a layer: each pixel's surfaces, front to back, with what near ones hide.
+
+A pinhole sees one surface at a pixel, or two where an anti-aliased edge passes through it. From other points
+of the aperture one sees past near edges what the pinhole does not: a rendered hidden layer tells what is
+there, or else the surface beside the edge is carried on behind it.
+
+The kernels are loops that also run without numba, only slower.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from . import jit
+from .samples import Float32Array
+
+# Bits of `jumps`: to which neighbour the depth jumps.
+LEFT: Final = 1
+RIGHT: Final = 2
+UP: Final = 4
+DOWN: Final = 8
+
+_LEAST_JUMP: Final = 0.5
+"""Difference in pixels of the radii of neighbours below which they show one surface, however it lies."""
+
+_JUMP: Final = 1.0
+"""Difference from which they never do: a surface along which the radius grows by more than a pixel each
+pixel passes through the lens."""
+
+_STEEPER: Final = 3.0
+"""How much more than its neighbourhood a step between those must rise to be a jump."""
+
+_WINDOW: Final = 2
+"""Pixels around an edge, each way, in which the clean colours of its two surfaces are looked for."""
+
+_LAMP: Final = 8.0
+"""How many times as bright as those around a pixel is that is a highlight and no texture."""
+
+_TWO_WIDE: Final = 0.7
+"""Share of a pixel's neighbourhood from which a line is two pixels wide, of which the middle is full."""
+
+_PURE: Final = 1.0 / 256.0
+"""Share of a pixel below which a surface is taken not to touch it."""
+
+_DEEPEST: Final = 4
+"""Surfaces behind one another that are remembered along a line."""
+
+_SMOOTHINGS: Final = 3
+"""Times that what was carried on is averaged with its neighbours, against streaks along the lines."""
+
+_BRIGHTER: Final = 3.0
+"""How much brighter than what was carried on so far a pixel may count."""
+
+_TEXTURE: Final = 3.0
+"""Pixels over which errors of what was carried on are taken to go together."""
+
+_LEAST_DOUBT: Final = 0.03
+"""Least error of an edge pixel's shares."""
+
+_LONG_MEMORY: Final = 0.1
+"""The same for its variation as `_MEMORY` for the colour."""
+
+_MEMORY: Final = 0.35
+"""How much of the colour that is carried on behind an edge the last pixel before it makes up."""
+
+
+class Fragments(NamedTuple):
+    """The surfaces of each pixel: sheet 0 is what a pinhole sees first, the others lie behind it.
+
+    Parameters
+    ----------
+    color : ndarray of float32 of shape (sheets, rows, columns, 4)
+        Premultiplied, each surface's own.
+    depth : ndarray of float32 of shape (sheets, rows, columns)
+        Depth z' in metres; ``inf`` where there is no surface.
+    radius : ndarray of float32 of shape (sheets, rows, columns)
+        Signed radius of the circle of confusion in sample pixels along x, negative before the focus.
+    coverage : ndarray of float32 of shape (sheets, rows, columns)
+        Share of the pixel that the surface covers before anything hides it; 0 where there is none.
+    guessed : ndarray of float32 of shape (sheets, rows, columns)
+        1 where a surface was carried on, 0 where it was rendered.
+    doubt : ndarray of float32 of shape (sheets, rows, columns)
+        How far, on average over red, green and blue, the colour may be off: the variation of what was carried
+        on, or what an edge pixel's two surfaces differ by, as far as their shares are not sure.
+    slope : ndarray of float32 of shape (sheets, rows, columns, 2)
+        Change of the radius along the surface, for each pixel in x and in y.
+    reach : ndarray of float32 of shape (rows, columns)
+        Beside an edge, how far in pixels it is felt: the difference of the radii. Elsewhere 0.
+    """
+
+    color: Float32Array
+    depth: Float32Array
+    radius: Float32Array
+    coverage: Float32Array
+    guessed: Float32Array
+    doubt: Float32Array
+    slope: Float32Array
+    reach: Float32Array
+
+
+def fragments_of(
+    color: Float32Array, depth: Float32Array, radius: Float32Array, stretch: float, *, mixed: bool
+) -> Fragments:
+    """Find the surfaces of each pixel in the views of a layer.
+
+    Parameters
+    ----------
+    color : ndarray of float32 of shape (views, rows, columns, 4)
+        Premultiplied: the layer's own view, then those of its hidden surfaces, nearest first.
+    depth : ndarray of float32 of shape (views, rows, columns)
+        Depth z' in metres.
+    radius : ndarray of float32 of shape (views, rows, columns)
+        Signed radius of the circle of confusion in pixels along x.
+    stretch : float
+        Larger axis of the aperture's image over the one along x.
+    mixed : bool
+        Whether a pixel at an edge has the colours of both surfaces (an ordinary render) or of the one that
+        its depth tells (point samples).
+
+    Returns
+    -------
+    Fragments
+        As many sheets as views, and at least two.
+    """
+    views, rows, columns = radius.shape
+    sheets = max(2, views)
+    found = Fragments(
+        color=np.zeros((sheets, rows, columns, 4), dtype=np.float32),
+        depth=np.repeat(depth[:1], sheets, axis=0),
+        radius=np.repeat(radius[:1], sheets, axis=0),
+        coverage=np.zeros((sheets, rows, columns), dtype=np.float32),
+        guessed=np.zeros((sheets, rows, columns), dtype=np.float32),
+        doubt=np.zeros((sheets, rows, columns), dtype=np.float32),
+        slope=np.zeros((sheets, rows, columns, 2), dtype=np.float32),
+        reach=np.zeros((rows, columns), dtype=np.float32),
+    )
+    jumps = np.zeros((rows, columns), dtype=np.uint8)
+    edge = np.zeros((rows, columns), dtype=np.bool_)
+    for view in range(views - 1, -1, -1):
+        _find_jumps(radius[view], jumps, found.slope[view], found.reach)
+        _mark_edges(jumps, edge)
+        found.color[view], found.depth[view], found.radius[view] = color[view], depth[view], radius[view]
+        if mixed and view > 0:
+            _purify(color[view], radius[view], edge, found.color[view])
+    if views > 1:
+        _keep_hidden(found.radius, found.coverage)
+    found.coverage[0] = 1.0
+    own = color[0]
+    if mixed:
+        _split(color[0], depth[0], radius[0], edge, views > 1, *found[:4], found.doubt, found.slope)
+        own = _own_colors(color[0], radius[0], found)
+    weight = np.zeros((rows, columns), dtype=np.float32)
+    # Roots, so that a few lamps do not count for much.
+    usual = float(np.sqrt(np.maximum(own[..., :3], 0.0)).mean(dtype=np.float64)) ** 2 * 3.0
+    for axis in (0, 1):
+        _carry_on(axis, own, depth[0], radius[0], jumps, stretch, usual, found, weight)
+    _finish(weight, found.radius, found.color, found.coverage, found.guessed, found.doubt)
+    for _ in range(_SMOOTHINGS):
+        _smooth(found.color[1].copy(), found.radius, found.coverage, found.guessed, found.color)
+    return found
+
+
+def carried_past_the_border(
+    fragments: Fragments, beyond: tuple[tuple[int, int], tuple[int, int]]
+) -> Fragments:
+    """Carry all surfaces on past the samples' border, as guesses.
+
+    Parameters
+    ----------
+    fragments : Fragments
+        The surfaces of each pixel.
+    beyond : tuple of (int, int)
+        Rows above and below, columns left and right.
+
+    Returns
+    -------
+    Fragments
+        The same with that many more rows and columns, the last ones again and again.
+    """
+    padded = []
+    for values in fragments:
+        first = values.ndim - 2 if values is fragments.reach or values.ndim == 3 else 1
+        widths = [(0, 0)] * first + list(beyond) + [(0, 0)] * (values.ndim - first - 2)
+        padded.append(np.pad(values, widths, mode="edge"))
+    inside = np.pad(np.ones(fragments.reach.shape, dtype=bool), beyond)
+    result = Fragments(*padded)
+    result.guessed[:, ~inside] = 1.0
+    return result
+
+
+@jit.kernel(inline=True)
+def _jumps_between(before: float, here: float, there: float, after: float) -> bool:
+    """Return whether two neighbours show different surfaces, given what lies on either side of them."""
+    step = there - here
+    rise = abs(step)
+    if rise <= _LEAST_JUMP:
+        return False
+    sign = 1.0 if step > 0.0 else -1.0
+    steepness = max(0.0, min(sign * (here - before), sign * (after - there)))
+    return rise > min(_JUMP, _LEAST_JUMP + _STEEPER * steepness)
+
+
+@jit.kernel(parallel=True)
+def _find_jumps(radius: Any, jumps: Any, slope: Any, reach: Any) -> None:
+    """Find where the depth jumps, how far that is felt, and how surfaces lie in between."""
+    rows, columns = radius.shape
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        for x in range(columns):
+            here = radius[y, x]
+            bits = 0
+            farthest = 0.0
+            for axis in range(2):
+                at, end = (x, columns - 1) if axis == 0 else (y, rows - 1)
+                rise, count = 0.0, 0
+                for side in (-1, 1):
+                    if (side < 0 and at == 0) or (side > 0 and at == end):
+                        continue
+                    i, j = (side, 0) if axis == 0 else (0, side)
+                    there = radius[y + j, x + i]
+                    # Where the picture ends the surface is taken to go on as on the other side.
+                    has_before, has_after = 0 <= at - side <= end, 0 <= at + 2 * side <= end
+                    before = radius[y - j, x - i] if has_before else here
+                    after = radius[y + 2 * j, x + 2 * i] if has_after else there
+                    if not has_before:
+                        before = here - (after - there)
+                    if not has_after:
+                        after = there + (here - before)
+                    if _jumps_between(before, here, there, after):
+                        bits |= (LEFT if side < 0 else RIGHT) if axis == 0 else (UP if side < 0 else DOWN)
+                        farthest = max(farthest, abs(there - here))
+                    else:
+                        rise += side * (there - here)
+                        count += 1
+                slope[y, x, axis] = rise / count if count > 0 else 0.0
+            jumps[y, x] = bits
+            reach[y, x] = farthest
+
+
+@jit.kernel(parallel=True)
+def _mark_edges(jumps: Any, edge: Any) -> None:
+    """Mark pixels beside a jump, also across a corner: an ordinary pixel filter mixes surfaces there."""
+    rows, columns = jumps.shape
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        for x in range(columns):
+            found = jumps[y, x] != 0
+            if not found:
+                # Across a corner there is a jump on the way there, round it.
+                for i, across in ((-1, LEFT), (1, RIGHT)):
+                    for j, along in ((-1, UP), (1, DOWN)):
+                        if 0 <= y + j < rows and 0 <= x + i < columns:
+                            found = found or (jumps[y, x + i] & along) != 0 or (jumps[y + j, x] & across) != 0
+            edge[y, x] = found
+
+
+@jit.kernel()
+def _clean_color(color: Any, radius: Any, edge: Any, y: int, x: int, wanted: float, mean: Any) -> float:
+    """Put the mean colour of a surface near a pixel into `mean`; return its variance, -1 where none is."""
+    rows, columns = radius.shape
+    # A lamp in the window is no part of the surface's colour. Roots, so that it does not raise the level.
+    level, total = 0.0, 0.0
+    for v in range(max(0, y - _WINDOW), min(rows, y + _WINDOW + 1)):
+        for u in range(max(0, x - _WINDOW), min(columns, x + _WINDOW + 1)):
+            if not edge[v, u] and abs(radius[v, u] - wanted) <= _JUMP:
+                level += math.sqrt(max(color[v, u, 0] + color[v, u, 1] + color[v, u, 2], 0.0))
+                total += 1.0
+    most = _LAMP * (level / max(total, 1.0)) ** 2
+    total, square = 0.0, 0.0
+    for c in range(4):
+        mean[c] = 0.0
+    for v in range(max(0, y - _WINDOW), min(rows, y + _WINDOW + 1)):
+        for u in range(max(0, x - _WINDOW), min(columns, x + _WINDOW + 1)):
+            if edge[v, u] or abs(radius[v, u] - wanted) > _JUMP:
+                continue
+            if color[v, u, 0] + color[v, u, 1] + color[v, u, 2] > most:
+                continue
+            w = 1.0 / (1.0 + (v - y) * (v - y) + (u - x) * (u - x))
+            total += w
+            for c in range(4):
+                value = color[v, u, c]
+                mean[c] += w * value
+                square += w * value * value
+    if total == 0.0:
+        return -1.0
+    length = 0.0
+    for c in range(4):
+        mean[c] /= total
+        length += mean[c] * mean[c]
+    return max(0.0, square / total - length)
+
+
+@jit.kernel()
+def _nearest_of(radius: Any, y: int, x: int, middle: float, near: bool) -> tuple[int, int]:
+    """Return the pixel of a surface, nearer or farther than `middle`, next to a pixel or itself."""
+    rows, columns = radius.shape
+    best, best_y, best_x = 9, y, x
+    for j in (-1, 0, 1):
+        for i in (-1, 0, 1):
+            v, u = y + j, x + i
+            if 0 <= v < rows and 0 <= u < columns and (radius[v, u] < middle) == near:
+                distance = j * j + i * i
+                if distance < best:
+                    best, best_y, best_x = distance, v, u
+    return best_y, best_x
+
+
+@jit.kernel(parallel=True)
+def _split(
+    color: Any, depth: Any, radius: Any, edge: Any, has_hidden: bool,
+    out_color: Any, out_depth: Any, out_radius: Any, out_coverage: Any, out_doubt: Any, out_slope: Any,
+) -> None:  # fmt: skip
+    """Split the pixels at edges into their two surfaces, so that these add up to the pixel again.
+
+    The share of the nearer one follows from the pixel's colour and the clean colours beside the edge, or,
+    where those do not differ enough to tell, from how many neighbours show it.
+    """
+    rows, columns = radius.shape
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        front, back = np.empty(4), np.empty(4)
+        for x in range(columns):
+            if not edge[y, x]:
+                continue
+            here = radius[y, x]
+            low, high = here, here
+            for v in range(max(0, y - 1), min(rows, y + 2)):
+                for u in range(max(0, x - 1), min(columns, x + 2)):
+                    low, high = min(low, radius[v, u]), max(high, radius[v, u])
+            if high - low <= _LEAST_JUMP:
+                continue
+            middle = 0.5 * (low + high)
+            is_near = here < middle
+            near_y, near_x = _nearest_of(radius, y, x, middle, True)
+            far_y, far_x = _nearest_of(radius, y, x, middle, False)
+            front_varies = _clean_color(color, radius, edge, y, x, radius[near_y, near_x], front)
+            back_varies = _clean_color(color, radius, edge, y, x, radius[far_y, far_x], back)
+            # The view of the hidden surfaces shows the farther one whole.
+            rendered = has_hidden and out_radius[1, y, x] > middle
+            if rendered:
+                back_varies = 0.0
+                for c in range(4):
+                    back[c] = out_color[1, y, x, c]
+            thin = is_near and front_varies < 0.0
+            if back_varies < 0.0 and (thin or not is_near):
+                # Nothing wider than the edge itself tells what these surfaces look like.
+                continue
+            if front_varies < 0.0:
+                front_varies = 0.0
+                for c in range(4):
+                    front[c] = color[near_y, near_x, c]
+            if back_varies < 0.0:
+                back_varies = 0.0
+                for c in range(4):
+                    back[c] = color[far_y, far_x, c]
+            expected, total = 0.0, 0.0
+            for v in range(max(0, y - 1), min(rows, y + 2)):
+                for u in range(max(0, x - 1), min(columns, x + 2)):
+                    w = (2.0 - abs(v - y)) * (2.0 - abs(u - x))
+                    total += w
+                    if radius[v, u] < middle:
+                        expected += w
+            expected /= total
+            along, length, size = 0.0, 0.0, 0.0
+            for c in range(4):
+                d = front[c] - back[c]
+                along += (color[y, x, c] - back[c]) * d
+                length += d * d
+                size += front[c] * front[c] + back[c] * back[c]
+            doubt = front_varies + back_varies + 1e-4 * size + 1e-12
+            share = min(max((along + doubt * expected) / (length + doubt), 0.0), 1.0)
+            if abs(front[3] - back[3]) > 0.5:
+                # Before a clear film the alpha is the share, whatever the colours.
+                share = min(max((color[y, x, 3] - back[3]) / (front[3] - back[3]), 0.0), 1.0)
+            if thin:
+                # A line of which no pixel is full: at least as much as no light at all would take away.
+                share = expected if expected < _TWO_WIDE else 1.0
+                for c in range(4):
+                    if back[c] > 0.0:
+                        share = max(share, min(1.0 - color[y, x, c] / back[c], 1.0))
+                for c in range(4):
+                    front[c] = max(0.0, (color[y, x, c] - (1.0 - share) * back[c]) / share)
+            else:
+                unexplained = 0.0
+                for c in range(4):
+                    off = color[y, x, c] - share * front[c] - (1.0 - share) * back[c]
+                    unexplained += off * off
+                if unexplained > length + 4.0 * doubt:
+                    # Something else is there, such as a lamp: it stays where the depth says.
+                    continue
+            if share < _PURE:
+                if is_near:
+                    # What the depth saw is a sliver: the pixel shows the other surface.
+                    out_depth[0, y, x], out_radius[0, y, x] = depth[far_y, far_x], radius[far_y, far_x]
+                    out_slope[0, y, x, :] = 0.0
+                    out_coverage[1, y, x] = 0.0
+                continue
+            if not is_near:
+                out_depth[0, y, x], out_radius[0, y, x] = depth[near_y, near_x], radius[near_y, near_x]
+                out_slope[0, y, x, :] = 0.0
+            if share > 1.0 - _PURE:
+                continue
+            unsure = math.sqrt(length / 3.0 * doubt / (length + doubt)) + _LEAST_DOUBT * math.sqrt(
+                length / 3.0
+            )
+            out_doubt[0, y, x], out_doubt[1, y, x] = unsure, unsure
+            # What the two do not explain is given to both, so that the pixel stays what it was.
+            rest = share * share + (0.0 if rendered else (1.0 - share) * (1.0 - share))
+            for c in range(4):
+                whole = color[y, x, c]
+                off = whole - share * front[c] - (1.0 - share) * back[c]
+                near = front[c] + off * share / rest
+                far = back[c] if rendered else back[c] + off * (1.0 - share) / rest
+                if near < 0.0:
+                    near, far = 0.0, whole / (1.0 - share)
+                elif far < 0.0:
+                    near, far = whole / share, 0.0
+                elif c == 3 and near > 1.0:
+                    near, far = 1.0, (whole - share) / (1.0 - share)
+                elif c == 3 and far > 1.0:
+                    near, far = (whole - 1.0 + share) / share, 1.0
+                out_color[0, y, x, c], out_color[1, y, x, c] = near, far
+            out_coverage[0, y, x] = share
+            out_coverage[1, y, x] = 1.0
+            if not rendered:
+                out_depth[1, y, x], out_radius[1, y, x] = depth[far_y, far_x], radius[far_y, far_x]
+
+
+@jit.kernel(parallel=True)
+def _purify(color: Any, radius: Any, edge: Any, output: Any) -> None:
+    """Give pixels at edges the clean colour of the surface that their depth tells."""
+    rows, columns = radius.shape
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        mean = np.empty(4)
+        for x in range(columns):
+            if edge[y, x] and _clean_color(color, radius, edge, y, x, radius[y, x], mean) >= 0.0:
+                for c in range(4):
+                    output[y, x, c] = mean[c]
+
+
+@jit.kernel(parallel=True)
+def _keep_hidden(radius: Any, coverage: Any) -> None:
+    """Keep of the views of hidden surfaces what lies behind the view before it."""
+    views, rows, columns = radius.shape
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        for x in range(columns):
+            last = radius[0, y, x]
+            for view in range(1, views):
+                if radius[view, y, x] - last > _LEAST_JUMP:
+                    last = radius[view, y, x]
+                    coverage[view, y, x] = 1.0
+
+
+def _own_colors(color: Float32Array, radius: Float32Array, found: Fragments) -> Float32Array:
+    """Return the colours of the surfaces that the depths tell, clean of the others."""
+    split = found.coverage[0] < 1.0
+    own = color.copy()
+    near = split & (radius == found.radius[0])
+    own[near] = found.color[0][near]
+    own[split & ~near] = found.color[1][split & ~near]
+    return own
+
+
+@jit.kernel()
+def _carry_along(
+    line: int, axis: int, way: int,
+    own: Any, depth: Any, radius: Any, jumps: Any, stretch: float, usual: float,
+    found: Fragments, weight: Any,
+) -> None:  # fmt: skip
+    """Carry surfaces on behind what hides them, one way along one line.
+
+    A surface that a nearer one interrupts is remembered until it is met again or passed, and stands behind
+    the nearer one as far as the lens can look past the edge.
+    """
+    length = radius.shape[1 - axis]
+    sheets = found.coverage.shape[0]
+    jump = RIGHT if way > 0 else LEFT
+    if axis == 1:
+        jump = DOWN if way > 0 else UP
+    seen_radius, seen_depth = np.empty(_DEEPEST), np.empty(_DEEPEST)
+    seen_at, seen_color = np.empty(_DEEPEST, dtype=np.int64), np.empty((_DEEPEST, 4))
+    seen_varies = np.empty(_DEEPEST)
+    mean = np.zeros(4)
+    varies = 0.0
+    open_ = 0
+    last_y, last_x = -1, -1
+    for step in range(length):
+        at = step if way > 0 else length - 1 - step
+        y, x = (line, at) if axis == 0 else (at, line)
+        here = radius[y, x]
+        parts = last_y >= 0 and (jumps[last_y, last_x] & jump) != 0
+        if parts and here < radius[last_y, last_x]:
+            if open_ == _DEEPEST:
+                for k in range(1, _DEEPEST):
+                    seen_radius[k - 1], seen_depth[k - 1] = seen_radius[k], seen_depth[k]
+                    seen_at[k - 1], seen_varies[k - 1] = seen_at[k], seen_varies[k]
+                    for c in range(4):
+                        seen_color[k - 1, c] = seen_color[k, c]
+                open_ -= 1
+            seen_radius[open_], seen_depth[open_] = radius[last_y, last_x], depth[last_y, last_x]
+            seen_at[open_], seen_varies[open_] = at - way, varies
+            for c in range(4):
+                seen_color[open_, c] = mean[c]
+            open_ += 1
+        fresh = parts or last_y < 0
+        bright = own[y, x, 0] + own[y, x, 1] + own[y, x, 2]
+        most = max(_BRIGHTER * (mean[0] + mean[1] + mean[2]), 2.0 * usual)
+        # Most highlights are small: one beside an edge is not taken to go on behind it.
+        dimmed = most / bright if most < bright and not fresh else 1.0
+        off = 0.0
+        for c in range(3):
+            off += (dimmed * own[y, x, c] - mean[c]) / 3.0
+        varies = 0.0 if fresh else varies + _LONG_MEMORY * (off * off - varies)
+        for c in range(4):
+            value = own[y, x, c] * (dimmed if c < 3 else 1.0)
+            mean[c] = value if fresh else mean[c] + _MEMORY * (value - mean[c])
+        last_y, last_x = y, x
+        while open_ > 0 and seen_radius[open_ - 1] - here <= _LEAST_JUMP:
+            open_ -= 1
+        if open_ == 0:
+            continue
+        top = open_ - 1
+        away = abs(at - seen_at[top])
+        if away > (seen_radius[top] - here) * stretch + 1.0:
+            continue
+        rendered = False
+        for s in range(1, sheets):
+            rendered = rendered or found.coverage[s, y, x] > 0.0
+        if rendered:
+            continue
+        w = 1.0 / (away * away)
+        alike = abs(seen_radius[top] - found.radius[1, y, x]) <= _JUMP
+        # guessed holds the weight of the nearest edge until all are known.
+        level = (seen_color[top, 0] + seen_color[top, 1] + seen_color[top, 2]) / 3.0
+        # doubt holds the sum of squares until all are known.
+        square = w * (seen_varies[top] + level * level)
+        if weight[y, x] == 0.0 or (not alike and w > found.guessed[1, y, x]):
+            weight[y, x] = w
+            found.doubt[1, y, x] = square
+            for c in range(4):
+                found.color[1, y, x, c] = w * seen_color[top, c]
+        elif alike:
+            weight[y, x] += w
+            found.doubt[1, y, x] += square
+            for c in range(4):
+                found.color[1, y, x, c] += w * seen_color[top, c]
+        if w > found.guessed[1, y, x]:
+            found.guessed[1, y, x] = w
+            found.radius[1, y, x], found.depth[1, y, x] = seen_radius[top], seen_depth[top]
+
+
+@jit.kernel(parallel=True)
+def _carry_on(
+    axis: int,
+    own: Any,
+    depth: Any,
+    radius: Any,
+    jumps: Any,
+    stretch: float,
+    usual: float,
+    found: Fragments,
+    weight: Any,
+) -> None:
+    """Carry surfaces on behind what hides them, along all lines of an axis, both ways."""
+    for number in jit.prange(radius.shape[axis]):
+        line: Any = np.int64(number)
+        for backwards in range(2):
+            _carry_along(
+                line, axis, 1 - 2 * backwards, own, depth, radius, jumps, stretch, usual, found, weight
+            )
+
+
+@jit.kernel(parallel=True)
+def _finish(weight: Any, radius: Any, color: Any, coverage: Any, guessed: Any, doubt: Any) -> None:
+    """Turn the sums of what was carried on into means."""
+    rows, columns = weight.shape
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        for x in range(columns):
+            if weight[y, x] > 0.0:
+                for c in range(4):
+                    color[1, y, x, c] /= weight[y, x]
+                level = (color[1, y, x, 0] + color[1, y, x, 1] + color[1, y, x, 2]) / 3.0
+                variance = max(0.0, doubt[1, y, x] / weight[y, x] - level * level)
+                # A wide circle mixes places whose errors have nothing to do with each other.
+                doubt[1, y, x] = math.sqrt(variance) / (1.0 + abs(radius[1, y, x]) / _TEXTURE)
+                coverage[1, y, x] = 1.0
+                guessed[1, y, x] = 1.0
+
+
+@jit.kernel(parallel=True)
+def _smooth(before: Any, radius: Any, coverage: Any, guessed: Any, color: Any) -> None:
+    """Average what was carried on with its neighbours of the same surface."""
+    rows, columns = guessed.shape[1:]
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        for x in range(columns):
+            if guessed[1, y, x] == 0.0:
+                continue
+            total = 0.0
+            r, g, b, a = 0.0, 0.0, 0.0, 0.0
+            for v in range(max(0, y - 1), min(rows, y + 2)):
+                for u in range(max(0, x - 1), min(columns, x + 2)):
+                    if coverage[1, v, u] > 0.0 and abs(radius[1, v, u] - radius[1, y, x]) <= _JUMP:
+                        total += 1.0
+                        r, g = r + before[v, u, 0], g + before[v, u, 1]
+                        b, a = b + before[v, u, 2], a + before[v, u, 3]
+            color[1, y, x, 0], color[1, y, x, 1] = r / total, g / total
+            color[1, y, x, 2], color[1, y, x, 3] = b / total, a / total
