@@ -130,12 +130,14 @@ def seconds(samples: Samples, settings: FocusSettings, repeats: int = _REPEATS) 
 
 
 def _at(samples: Samples, f_stop: float, kind: PsfKind) -> FocusSettings:
-    settings = focus_settings(samples, ProcessSettings(psf=PsfSettings(kind=kind)))
+    settings = focus_settings(samples, ProcessSettings(psf=PsfSettings(kind=kind), visibility="none"))
     return replace(settings, lens=replace(settings.lens, f_stop=f_stop))
 
 
 def _one_sample_a_pixel(scene: bpy.types.Scene) -> None:
-    scene.potmesil_camera.point_samples = False
+    scene.potmesil_camera.sampling = "PIXELS"
+    # A margin would be counted with the picture.
+    scene.potmesil_camera.use_overscan = False
 
 
 def _draw(workshop: Workshop) -> Drawing:

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from potmesil_addon.process import ProcessSettings
+
 from .comparison import by_parts, compare, parts_table, seen, side_by_side
-from .workshop import Drawing, Figure, Workshop
+from .workshop import Drawing, Figure, Workshop, processed
 
 CARAFE = 1
 """The carafe's object index in both scenes."""
@@ -22,10 +24,10 @@ def _draw(workshop: Workshop, name: str, scene_name: str, what: str) -> Drawing:
     parts = by_parts(
         compared,
         {"Whole picture": np.ones_like(carafe), "Carafe": carafe, "All but the carafe": ~carafe},
+        {"default": processed(compared.samples, ProcessSettings(use_motion=False)).picture},
     )
-    return replace(
-        drawing, numbers={**drawing.numbers, "parts_db": parts}, table=parts_table(parts, "pinhole")
-    )
+    names = {"sharp": "pinhole", "ours": "ours, as the papers", "default": "ours, by default"}
+    return replace(drawing, numbers={**drawing.numbers, "parts_db": parts}, table=parts_table(parts, names))
 
 
 def _draw_opaque(workshop: Workshop) -> Drawing:

@@ -132,6 +132,8 @@ def _slowly(scene: bpy.types.Scene) -> None:
         for curve in item.animation_data.drivers if item.animation_data else ():
             curve.driver.expression = curve.driver.expression.replace("frame - 1", f"(frame - 1) / {FRAMES}")
     scene.potmesil_camera.use_motion = False
+    # The papers' samples end where the picture does.
+    scene.potmesil_camera.use_overscan = False
 
 
 def _sequence(workshop: Workshop) -> Path:
@@ -146,7 +148,7 @@ def _sequence(workshop: Workshop) -> Path:
 def _command(shot: Shot, template: Path, folder: Path) -> list[str]:
     """Return the words of the command that makes an animation."""
     target = folder / f"{shot.name}.####.exr"
-    return ["process", str(template), "-o", str(target), "--no-motion", *shot.options]
+    return ["process", str(template), "-o", str(target), "--no-motion", "--visibility", "none", *shot.options]
 
 
 def _shoot(shot: Shot, template: Path, folder: Path) -> list[Picture]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +16,9 @@ from potmesil_addon.sheets import on_display
 
 from .sheet import cut, displayed, markdown_table, write_sheet
 from .workshop import Drawing, Picture, Workshop, processed
+
+if TYPE_CHECKING:
+    import bpy
 
 WHOLE = (0.0, 0.0, 1.0, 1.0)
 
@@ -90,6 +95,7 @@ def compare(
     *,
     lens: bool = True,
     shutter: bool = False,
+    papers: bool = True,
     reference_samples: int = 256,
 ) -> Compared:
     """Render a scene for us and with Cycles' own blur, and process it.
@@ -102,6 +108,10 @@ def compare(
         A scene in the catalogue, whose camera has the lens and whose shutter is the scene's.
     lens, shutter : bool
         Whether with depth of field and with motion blur.
+    papers : bool
+        Whether ours is the papers' model: samples that end where the picture does, the light of all added
+        whatever hides them (TOG 1982, eq. 22), finer ones averaged. Otherwise it is what the extension does
+        unless it is told.
     reference_samples : int
         Cycles' samples a pixel of the reference.
 
@@ -110,11 +120,20 @@ def compare(
     Compared
         The pictures.
     """
-    samples = workshop.rendered(scene_name, scene_name)
+
+    def prepare(scene: bpy.types.Scene) -> None:
+        own = scene.potmesil_camera
+        own.use_lens, own.use_motion = lens, shutter
+        if papers and lens:
+            own.use_overscan = False
+
+    samples = workshop.rendered(f"{scene_name}-papers" if papers else scene_name, scene_name, prepare=prepare)
+    settings = ProcessSettings(use_lens=lens, use_motion=shutter, visibility="none" if papers else "aperture")
+    averaged = replace(samples, pixel_filter=None) if papers else samples
     return Compared(
         samples,
-        processed(samples, ProcessSettings(use_lens=False, use_motion=False)).picture,
-        processed(samples, ProcessSettings(use_lens=lens, use_motion=shutter)).picture,
+        processed(averaged, ProcessSettings(use_lens=False, use_motion=False)).picture,
+        processed(averaged, settings).picture,
         workshop.cycles(
             f"{scene_name}-cycles", scene_name, lens=lens, shutter=shutter, samples=reference_samples
         ),
@@ -166,22 +185,28 @@ def side_by_side(
     return Drawing(path, {"ours_db": ours, "sharp_db": sharp})
 
 
-def by_parts(compared: Compared, parts: dict[str, npt.NDArray[np.bool_]]) -> dict[str, dict[str, float]]:
+def by_parts(
+    compared: Compared,
+    parts: Mapping[str, npt.NDArray[np.bool_]],
+    others: Mapping[str, Picture] | None = None,
+) -> dict[str, dict[str, float]]:
     """Return how near the sharp picture and ours come to Cycles' own in parts of the picture.
 
     Parameters
     ----------
     compared : Compared
         The pictures.
-    parts : dict of str to ndarray of bool of shape (rows, columns)
+    parts : mapping of str to ndarray of bool of shape (rows, columns)
         The parts by name.
+    others : mapping of str to ndarray of float32 of shape (rows, columns, channels), optional
+        Other pictures of the same scene, by name.
 
     Returns
     -------
     dict of str to dict of str to float
-        PSNR in decibels by part and picture, ``sharp`` and ``ours``.
+        PSNR in decibels by part and picture, ``sharp``, ``ours`` and the others.
     """
-    pictures = {"sharp": compared.sharp, "ours": compared.ours}
+    pictures = {"sharp": compared.sharp, "ours": compared.ours, **(others or {})}
     return {
         part: {
             name: psnr(picture[mask][np.newaxis], compared.reference[mask][np.newaxis])
@@ -191,7 +216,20 @@ def by_parts(compared: Compared, parts: dict[str, npt.NDArray[np.bool_]]) -> dic
     }
 
 
-def parts_table(numbers: dict[str, dict[str, float]], sharp: str) -> str:
-    """Return a table of what `by_parts` returns, with a name for the sharp picture."""
-    rows = [(part, f"{value['sharp']:.1f}", f"{value['ours']:.1f}") for part, value in numbers.items()]
-    return markdown_table(("PSNR against Cycles' own, dB", sharp, "ours"), rows)
+def parts_table(numbers: Mapping[str, Mapping[str, float]], names: Mapping[str, str]) -> str:
+    """Return a table of what `by_parts` returns.
+
+    Parameters
+    ----------
+    numbers : mapping of str to mapping of str to float
+        PSNR by part and picture.
+    names : mapping of str to str
+        The pictures' names, as columns in this order, and what stands above each.
+
+    Returns
+    -------
+    str
+        Markdown.
+    """
+    rows = [(part, *(f"{value[name]:.1f}" for name in names)) for part, value in numbers.items()]
+    return markdown_table(("PSNR against Cycles' own, dB", *names.values()), rows)

@@ -93,13 +93,14 @@ def as_the_papers(row: Printed, kind: PsfKind = "lommel", model: CocModel = "pap
     Returns
     -------
     ProcessSettings
-        Tables 1 mm of depth apart, of which each sample takes the nearest (TOG 1982, section 4).
+        Tables 1 mm of depth apart, of which each sample takes the nearest (TOG 1982, section 4), and the
+        light of all samples added, whatever hides them (eq. 22).
     """
     lens = LensAttributes(
         focal_length=FOCAL_LENGTH, f_stop=row.f_stop, focus_distance=row.lens.focus_distance
     )
     psf = PsfSettings(kind=kind, tables="equal-z", lookup="nearest", step=TABLE_STEP)
-    return ProcessSettings(use_motion=False, lens=lens, model=model, psf=psf)
+    return ProcessSettings(use_motion=False, lens=lens, model=model, psf=psf, visibility="none")
 
 
 # Figures 11 to 14.
@@ -132,6 +133,7 @@ def corner_samples(samples: Samples) -> Samples:
         display_window=Window(0, 0, columns, rows),
         position="corner",
         supersampling=SUPERSAMPLING,
+        pixel_filter=None,
         film=smaller,
         camera=camera,
     )
@@ -165,7 +167,9 @@ def rendered_corners(workshop: Workshop) -> Samples:
         # Points in place of areas; the scene has no noise that more than one could average.
         scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", 0.01
         scene.cycles.samples = 1
-        scene.potmesil_camera.point_samples = False
+        scene.potmesil_camera.sampling = "PIXELS"
+        # The papers' samples end where the picture does.
+        scene.potmesil_camera.use_overscan = False
 
     return corner_samples(workshop.rendered("tog_11_14", "cube_and_sphere", prepare=prepare))
 

@@ -41,7 +41,9 @@ def _draw(workshop: Workshop) -> Drawing:
     )
     unchanged = float(untouched[mirror].mean())
     numbers = {**drawing.numbers, "parts_db": near, "share_of_mirror_unchanged": unchanged}
-    return replace(drawing, numbers=numbers, table=parts_table(near, "instantaneous"))
+    return replace(
+        drawing, numbers=numbers, table=parts_table(near, {"sharp": "instantaneous", "ours": "ours"})
+    )
 
 
 FIGURES = (Figure("motion_8", "1983, figure 8", _draw),)

@@ -12,7 +12,14 @@ _REFERENCE_SAMPLES = 96
 
 
 def _draw(workshop: Workshop, *, scene: str, lens: bool, what: str) -> Drawing:
-    compared = compare(workshop, scene, lens=lens, shutter=not lens, reference_samples=_REFERENCE_SAMPLES)
+    compared = compare(
+        workshop,
+        scene,
+        lens=lens,
+        shutter=not lens,
+        papers=False,
+        reference_samples=_REFERENCE_SAMPLES,
+    )
     return side_by_side(workshop, scene, compared, columns=1, what=what)
 
 

@@ -17,7 +17,8 @@ class Borrowed:
     """
 
     def __init__(self) -> None:
-        self._before: list[tuple[Any, str, Any]] = []
+        # What is borrowed twice goes back to what it was at first.
+        self._before: dict[tuple[Any, str], Any] = {}
 
     def set(self, owner: Any, name: str, value: Any) -> None:
         """Change a setting.
@@ -46,17 +47,17 @@ class Borrowed:
         for name in values:
             # A frame is evaluated again before it renders, and animation would win over us.
             for curve in curves_of(owner, name):
-                self._before.append((curve, "mute", curve.mute))
+                self._before.setdefault((curve, "mute"), curve.mute)
                 curve.mute = True
-        self._before.extend((owner, name, getattr(owner, name)) for name in values)
+            self._before.setdefault((owner, name), getattr(owner, name))
         for name, value in values.items():
             if getattr(owner, name) != value:
                 setattr(owner, name, value)
 
     def give_back(self) -> None:
         """Put every setting back; what was deleted in the meantime is left alone."""
-        before, self._before = self._before, []
-        for owner, name, value in before:
+        before, self._before = self._before, {}
+        for (owner, name), value in before.items():
             with contextlib.suppress(ReferenceError):
                 if getattr(owner, name) != value:
                     setattr(owner, name, value)

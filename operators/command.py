@@ -67,7 +67,8 @@ def main(arguments: list[str]) -> int:
         def options_now() -> argparse.Namespace:
             # What no option says is as the panel has it, at each frame; the options were found good above.
             own = scene.potmesil_camera
-            parser.set_defaults(coc_model=own.coc_model, psf=own.psf, motion_model=own.motion_model)
+            parser.set_defaults(coc_model=own.coc_model, psf=own.psf, visibility=own.visibility)
+            parser.set_defaults(motion_model=own.motion_model)
             parser.set_defaults(no_lens=not own.use_lens, no_motion=not own.use_motion)
             parser.set_defaults(uniform_defocus=repr(own.uniform_defocus), fade=repr(own.fade))
             return parser.parse_args(arguments[1:])
@@ -113,11 +114,15 @@ def _render(
         cli.process_settings(options, frame)
     output = Path(bpy.path.abspath(options.output)).absolute()
     cli.check_output(output)
-    mask = None if options.mask is None else Path(bpy.path.abspath(options.mask)).absolute()
-    if mask is not None:
-        cli.check_output(mask)
-        if mask == output:
-            raise SettingsError("The mask would replace the picture; give another name.")
+    mask, error_map = (
+        None if name is None else Path(bpy.path.abspath(name)).absolute()
+        for name in (options.mask, options.error_map)
+    )
+    for extra, other in ((mask, output), (error_map, output), (error_map, mask)):
+        if extra is not None:
+            cli.check_output(extra)
+            if extra == other:
+                raise SettingsError("The mask or error map would replace another picture; give another name.")
     if options.samples is not None and frame_path(Path(options.samples), 0).suffix.lower() != ".exr":
         raise SettingsError("--samples must end in .exr.")
     for finding in refuse_errors(scene):
@@ -131,12 +136,13 @@ def _render(
         if options.samples is None:
             samples_file = samples_path(scene)
         else:
-            template = Path(bpy.path.abspath(options.samples)).absolute()
-            samples_file = frame_path(template, frame, several=len(frames) > 1)
+            named = Path(bpy.path.abspath(options.samples)).absolute()
+            samples_file = frame_path(named, frame, several=len(frames) > 1)
         current = options_now()
         with Borrowed() as borrowed:
-            # Without motion blur nothing that only it needs is rendered.
+            # Without motion blur or lens nothing that only it needs is rendered.
             borrowed.set(scene.potmesil_camera, "use_motion", not current.no_motion)
+            borrowed.set(scene.potmesil_camera, "use_lens", not current.no_lens)
             render_samples(bpy.context, samples_file)
         samples = exr.read_samples(samples_file, tuple(options.layer) if options.layer else None)
         settings = cli.process_settings(current, frame)
@@ -144,8 +150,9 @@ def _render(
         result = run(process(samples, settings))
         target = frame_path(output, frame, several=len(frames) > 1)
         cli.write_result(target, result, samples)
-        if mask is not None:
-            cli.write_mask(frame_path(mask, frame, several=len(frames) > 1), result, samples)
+        for template, values in ((mask, result.guessed), (error_map, result.predicted_error)):
+            if template is not None:
+                cli.write_map(frame_path(template, frame, several=len(frames) > 1), values, result, samples)
         minutes, seconds = divmod(time.perf_counter() - started, 60.0)
         # Whole lines, flushed: farms read them through a pipe.
         print(f"Saved: '{target}'", flush=True)

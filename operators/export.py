@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import json
 import tempfile
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
@@ -15,12 +17,12 @@ from . import compat, kernels
 from .animation import curves_of
 from .borrow import Borrowed
 from .motion import SampledMotion, kept_scene, sample_motion
-from .scene import frame_format, rendered_objects, scene_facts
+from .overscan import borrow_overscan, overscan_margins, uses_overscan
+from .peel import peeled_views, uses_depth_peeling
+from .sampling import borrow_sampling, filter_variance, supersampling
+from .scene import rendered_objects, scene_facts
 
 RENDER_RESULT = "Render Result"
-
-_POINT_FILTER_WIDTH = 0.01
-_POINT_SUPERSAMPLING = 2
 
 _MOTION_SHARE = 0.1
 """Share of the export's progress for following what moves; the rest is rendering."""
@@ -57,17 +59,7 @@ def borrow_for_render(borrowed: Borrowed, scene: bpy.types.Scene) -> None:
             borrowed.set(layer, "use_pass_z", True)
             borrowed.set(layer, "use_pass_vector", True)
             borrowed.set(layer, "use_pass_object_index", True)
-    if uses_point_samples(scene):
-        cycles = compat.cycles_settings(scene)
-        # Cycles' Box filter is always a pixel wide, whatever its width says; this one obeys it.
-        borrowed.set(cycles, "pixel_filter_type", "BLACKMAN_HARRIS")
-        borrowed.set(cycles, "filter_width", _POINT_FILTER_WIDTH)
-        borrowed.set(render, "resolution_percentage", render.resolution_percentage * _POINT_SUPERSAMPLING)
-
-
-def uses_point_samples(scene: bpy.types.Scene) -> bool:
-    """Return whether the scene asks for point samples and its engine can give them."""
-    return bool(scene.potmesil_camera.point_samples and scene.render.engine == "CYCLES")
+    borrow_sampling(borrowed, scene)
 
 
 def render_samples(context: bpy.types.Context, path: Path) -> None:
@@ -101,8 +93,9 @@ def export_samples(
 ) -> Iterator[float]:
     """Render the current frame and save its samples: follow what moves, render every view, write one file.
 
-    Where things move and the scene allows it, three views are rendered: the scene without what moves,
-    what moves alone, and last the scene as it is, which the Render Result goes on showing.
+    Where the scene allows it, further views are rendered first: where things move, the scene without
+    what moves and what moves alone; for the lens, the scene with more and more of what is nearest left
+    out. Last comes the scene as it is, which the Render Result goes on showing.
 
     Parameters
     ----------
@@ -138,13 +131,19 @@ def export_samples(
         Borrowed() as borrowed,
         tempfile.TemporaryDirectory(prefix="potmesil_") as folder,
     ):
+        pixel_variance = filter_variance(scene)
         borrow_for_render(borrowed, scene)
+        sample_variance = filter_variance(scene)
         motion = yield from scaled(sample_motion(scene), 0.0, _MOTION_SHARE)
-        margins = borrow_overscan(borrowed, scene, motion) if uses_overscan(scene) else (0, 0)
+        margins = overscan_margins(scene, motion) if uses_overscan(scene) else (0, 0)
+        borrow_overscan(borrowed, scene, margins)
         views: dict[str, Callable[[Borrowed], None]] = {}
         if motion.paths.objects and uses_hidden_surfaces(scene):
             views[exr.STATIONARY] = lambda own: _hide(own, scene, motion.moving)
             views[exr.MOVING] = lambda own: _leave_alone(own, scene, motion)
+        if uses_depth_peeling(scene):
+            for number, names in enumerate(peeled_views(scene, motion, margins), start=1):
+                views[exr.behind(number)] = functools.partial(_hide, scene=scene, names=names)
         start, share = _MOTION_SHARE, (1.0 - _MOTION_SHARE) / (len(views) + 1)
         companions = {}
         for suffix, prepare in views.items():
@@ -159,8 +158,11 @@ def export_samples(
         _save_render(scene, rendered)
         attributes = exr.camera_attributes(motion.camera, motion.lens, motion.shutter)
         attributes["potmesil:motion"] = motion.paths.to_json()
-        if uses_point_samples(scene):
-            attributes["potmesil:supersampling"] = _POINT_SUPERSAMPLING
+        if supersampling(scene) > 1:
+            attributes["potmesil:supersampling"] = supersampling(scene)
+        if pixel_variance is not None:
+            filters = {"pixel_variance": pixel_variance, "sample_variance": sample_variance}
+            attributes["potmesil:filter"] = json.dumps(filters)
         exr.annotate(rendered, path, attributes, companions, margins)
 
 
@@ -168,51 +170,6 @@ def uses_hidden_surfaces(scene: bpy.types.Scene) -> bool:
     """Return whether the scene asks for views with and without moving objects and its engine gives them."""
     own = scene.potmesil_camera
     return bool(own.use_motion and own.use_hidden_surfaces and scene.render.engine == "CYCLES")
-
-
-def uses_overscan(scene: bpy.types.Scene) -> bool:
-    """Return whether the scene asks for what lies beyond the picture's border, and has no other border."""
-    render = scene.render
-    asked = scene.potmesil_camera.use_overscan and scene.potmesil_camera.use_motion
-    return bool(asked and not render.use_border)
-
-
-def borrow_overscan(borrowed: Borrowed, scene: bpy.types.Scene, motion: SampledMotion) -> tuple[int, int]:
-    """Let the camera see more on all sides, as much as comes into the picture during the exposure.
-
-    Parameters
-    ----------
-    borrowed : Borrowed
-        Remembers what the settings were.
-    scene : Scene
-        The scene, its other settings borrowed already.
-    motion : SampledMotion
-        What moves.
-
-    Returns
-    -------
-    tuple of int
-        Columns and rows more on each side.
-    """
-    margin_x, margin_y = motion.margins
-    if not (margin_x or margin_y):
-        return 0, 0
-    camera, render = scene.camera.data, scene.render
-    frame = frame_format(scene, camera)
-    columns, rows = frame.frame_size
-    pitch_x, _ = frame.fitted_pitch
-    shift_x, shift_y = frame.shift
-    columns, rows = columns + 2 * margin_x, rows + 2 * margin_y
-    borrowed.set(render, "resolution_x", columns)
-    borrowed.set(render, "resolution_y", rows)
-    borrowed.set(render, "resolution_percentage", 100)
-    width = pitch_x * columns
-    borrowed.set(camera, "sensor_fit", "HORIZONTAL")
-    borrowed.set(camera, "sensor_width", width * 1000.0)
-    # Blender gives the shift in units of the fitted side, which has become longer.
-    borrowed.set(camera, "shift_x", -shift_x / width)
-    borrowed.set(camera, "shift_y", -shift_y / width)
-    return margin_x, margin_y
 
 
 def _leave_alone(borrowed: Borrowed, scene: bpy.types.Scene, motion: SampledMotion) -> None:

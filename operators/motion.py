@@ -22,9 +22,10 @@ from ..potmesil_addon.lens import FloatArray, Lens
 from ..potmesil_addon.paths import CameraPath, MotionPaths, ObjectPath, thinned
 from ..potmesil_addon.shutter import ShutterAttributes
 from .borrow import Borrowed
+from .boxes import UNIT_CORNERS, Boxes
 from .scene import RENDERED_TYPES, evaluated_camera, scene_camera, scene_exposure, scene_lens
 
-_LARGEST_MARGIN = 0.25
+LARGEST_MARGIN = 0.25
 """Widest overscan, as a share of the picture's side: a render of at most 2.25 times the pixels."""
 
 _TOLERANCE_PX = 0.1
@@ -60,7 +61,6 @@ _FLAT = 1e-3
 _SAMPLING_SHARE = 0.9
 """Share of the progress for evaluating the scene; the rest is choosing the times that are kept."""
 
-_CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=np.float64)
 _LATTICE = np.array([(x, y, z) for x in (0, 1, 2) for y in (0, 1, 2) for z in (0, 1, 2)]) / 2.0
 
 _PHYSICS_MODIFIERS = {
@@ -96,6 +96,8 @@ class SampledMotion:
         Full names of every object that renders and of its instancer.
     margins : tuple of int
         Columns and rows around the picture from which something comes into it during the exposure.
+    boxes : Boxes
+        Every instance that may be in view at the rendered frame.
     """
 
     paths: MotionPaths
@@ -106,6 +108,7 @@ class SampledMotion:
     still: frozenset[str]
     pairs: frozenset[tuple[str, str | None]]
     margins: tuple[int, int]
+    boxes: Boxes
 
 
 @contextlib.contextmanager
@@ -293,7 +296,7 @@ class _Sampler:
         self.moved = np.zeros(len(self.keys), dtype=bool)
         boxes = np.array([instance.box for instance in self.instances]).reshape(-1, 2, 3)
         low, size = boxes[:, :1], boxes[:, 1:] - boxes[:, :1]
-        self.corners = low + _CORNERS * size
+        self.corners = low + UNIT_CORNERS * size
         self.lattice = low + _LATTICE * size
         self.view_points = self._view_points()
         for item in {instance.item.name_full: instance.item for instance in self.instances}.values():
@@ -346,11 +349,11 @@ class _Sampler:
         """
         size = box[1] - box[0]
         grown = box + _BOX_MARGIN * np.stack([-size, size])
-        corners = grown[0] + _CORNERS * (grown[1] - grown[0])
+        corners = grown[0] + UNIT_CORNERS * (grown[1] - grown[0])
         x, y, w = self._homogeneous(self.cameras[0.0], matrix, corners)
         film = self.camera.film
         # A pixel around for the reach of the pixel filter.
-        margin_x, margin_y = _LARGEST_MARGIN * film.columns + 1.0, _LARGEST_MARGIN * film.rows + 1.0
+        margin_x, margin_y = LARGEST_MARGIN * film.columns + 1.0, LARGEST_MARGIN * film.rows + 1.0
         outside = (
             w < 0.0,
             x < -margin_x * w,
@@ -469,7 +472,14 @@ class _Sampler:
             still=frozenset(still),
             pairs=frozenset(self.pairs),
             margins=self._margins(),
+            boxes=self._boxes(),
         )
+
+    def _boxes(self) -> Boxes:
+        """Return where the instances' boxes are at the rendered frame."""
+        matrices = self.matrices[0.0]
+        world = self.corners @ np.swapaxes(matrices[..., :3], -1, -2) + matrices[:, np.newaxis, :, 3]
+        return Boxes(tuple(instance.owner for instance in self.instances), world)
 
     def _margins(self) -> tuple[int, int]:
         """Return how far, across and down, things at the picture's border move during the exposure."""
@@ -499,7 +509,7 @@ class _Sampler:
                 way = np.nan_to_num(np.abs(new - old)[seen])
                 farthest = np.maximum(farthest, way.max(axis=0, initial=0.0))
         needed = np.where(farthest > _STILL_PX, np.ceil(farthest) + 1.0, 0.0)
-        columns, rows = np.minimum(needed, _LARGEST_MARGIN * size).astype(int)
+        columns, rows = np.minimum(needed, LARGEST_MARGIN * size).astype(int)
         return int(columns), int(rows)
 
     def _places(self, camera: FloatArray, matrix: FloatArray, points: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ import bpy
 from ..potmesil_addon.shutter import ShutterAttributes, Slit
 from . import kernels
 from .export import samples_path
-from .result import show_result, store_result
+from .result import ERROR_NAME, GUESSED_NAME, show_result, store_map, store_result
 from .scene import evaluated_camera, scene_exposure, scene_lens
 from .work import SteppedOperator
 
@@ -34,7 +34,7 @@ class POTMESIL_OT_process(SteppedOperator, bpy.types.Operator):
 
 
 def process_samples(context: bpy.types.Context, path: Path) -> Iterator[float]:
-    """Process a samples file with the scene's settings into the result image.
+    """Process a samples file with the scene's settings into the result image, and note how sure it is.
 
     Parameters
     ----------
@@ -63,6 +63,12 @@ def process_samples(context: bpy.types.Context, path: Path) -> Iterator[float]:
     yield 0.1
     result = yield from scaled(process(samples, settings), 0.1, 0.9)
     show_result(context, store_result(result.picture))
+    if context.scene.potmesil_camera.use_quality_maps:
+        store_map(ERROR_NAME, result.predicted_error)
+        store_map(GUESSED_NAME, result.guessed)
+    state, quality = context.window_manager.potmesil_camera, result.report["quality"]
+    state.guessed_pixels, state.expected_error = quality["guessed_pixels"], quality["predicted_error"]
+    state.has_quality = True
 
 
 def process_settings(context: bpy.types.Context) -> ProcessSettings:
@@ -86,6 +92,7 @@ def process_settings(context: bpy.types.Context) -> ProcessSettings:
         motion_model=own.motion_model,
         model=own.coc_model,
         psf=PsfSettings(kind=own.psf),
+        visibility=own.visibility,
         # Blender keeps camera lengths in millimetres.
         uniform_defocus=own.uniform_defocus / 1000.0,
         fade=own.fade,

@@ -1,4 +1,4 @@
-"""The processed picture as an image in Blender."""
+"""The processed picture, and the maps of how sure it is, as images in Blender."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from ..potmesil_addon.samples import Float32Array
 
 RESULT_NAME = "Potmesil Result"
+ERROR_NAME = "Potmesil Error"
+GUESSED_NAME = "Potmesil Guessed"
 
 
 def store_result(picture: Float32Array) -> bpy.types.Image:
@@ -26,13 +28,38 @@ def store_result(picture: Float32Array) -> bpy.types.Image:
     Image
         The image, made where it was missing.
     """
+    return _store(RESULT_NAME, picture)
+
+
+def store_map(name: str, values: Float32Array) -> bpy.types.Image:
+    """Put a value for each pixel into a grey and opaque image.
+
+    Parameters
+    ----------
+    name : str
+        The image's name.
+    values : ndarray of float32 of shape (rows, columns)
+        Row 0 on top.
+
+    Returns
+    -------
+    Image
+        The image, made where it was missing.
+    """
+    picture = np.ones((*values.shape, 4), dtype=np.float32)
+    picture[..., :3] = values[..., np.newaxis]
+    return _store(name, picture)
+
+
+def _store(name: str, picture: Float32Array) -> bpy.types.Image:
+    """Put a picture into a float image of our own."""
     rows, columns = picture.shape[:2]
-    image = bpy.data.images.get(RESULT_NAME)
+    image = bpy.data.images.get(name)
     if image is not None and (image.source != "GENERATED" or not image.is_float):
-        image.name = f"{RESULT_NAME}.old"
+        image.name = f"{name}.old"
         image = None
     if image is None:
-        image = bpy.data.images.new(RESULT_NAME, columns, rows, alpha=True, float_buffer=True)
+        image = bpy.data.images.new(name, columns, rows, alpha=True, float_buffer=True)
         image.alpha_mode = "PREMUL"
     elif tuple(image.size) != (columns, rows):
         image.scale(columns, rows)

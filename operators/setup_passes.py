@@ -8,11 +8,6 @@ import bpy
 
 from .scene import rendered_objects
 
-POINT_SAMPLES_TOOLTIP = (
-    "Render at twice the size with the smallest pixel filter, so that color and depth of a sample belong to "
-    "the same point. Edges are better; the render takes about four times as long"
-)
-
 _LARGEST_INDEX = 32767
 
 
@@ -28,11 +23,6 @@ class POTMESIL_OT_setup_passes(bpy.types.Operator):
         description="Give every object a pass index of its own; indices that are unique already stay",
         default=True,
     )
-    point_samples: bpy.props.BoolProperty(
-        name="Point Samples",
-        description=POINT_SAMPLES_TOOLTIP,
-        default=False,
-    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Switch on the passes and number the objects."""
@@ -42,19 +32,12 @@ class POTMESIL_OT_setup_passes(bpy.types.Operator):
             layer.use_pass_z = True
             layer.use_pass_vector = True
             layer.use_pass_object_index = True
-        scene.potmesil_camera.point_samples = self.point_samples
         if self.assign_indices:
             changed = assign_indices(scene)
             self.report({"INFO"}, f"Passes enabled, {changed} objects given an index of their own")
         else:
             self.report({"INFO"}, "Passes enabled")
         return {"FINISHED"}
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start from what the scene has."""
-        del event
-        self.point_samples = context.scene.potmesil_camera.point_samples
-        return self.execute(context)
 
 
 def assign_indices(scene: bpy.types.Scene) -> int:

@@ -258,14 +258,16 @@ def _mark_edges(jumps: Any, edge: Any) -> None:
 
 
 @jit.kernel()
-def _clean_color(color: Any, radius: Any, edge: Any, y: int, x: int, wanted: float, mean: Any) -> float:
+def _clean_color(
+    color: Any, radius: Any, edge: Any, y: int, x: int, wanted: float, apart: float, mean: Any
+) -> float:
     """Put the mean colour of a surface near a pixel into `mean`; return its variance, -1 where none is."""
     rows, columns = radius.shape
     # A lamp in the window is no part of the surface's colour. Roots, so that it does not raise the level.
     level, total = 0.0, 0.0
     for v in range(max(0, y - _WINDOW), min(rows, y + _WINDOW + 1)):
         for u in range(max(0, x - _WINDOW), min(columns, x + _WINDOW + 1)):
-            if not edge[v, u] and abs(radius[v, u] - wanted) <= _JUMP:
+            if not edge[v, u] and abs(radius[v, u] - wanted) <= apart:
                 level += math.sqrt(max(color[v, u, 0] + color[v, u, 1] + color[v, u, 2], 0.0))
                 total += 1.0
     most = _LAMP * (level / max(total, 1.0)) ** 2
@@ -274,7 +276,7 @@ def _clean_color(color: Any, radius: Any, edge: Any, y: int, x: int, wanted: flo
         mean[c] = 0.0
     for v in range(max(0, y - _WINDOW), min(rows, y + _WINDOW + 1)):
         for u in range(max(0, x - _WINDOW), min(columns, x + _WINDOW + 1)):
-            if edge[v, u] or abs(radius[v, u] - wanted) > _JUMP:
+            if edge[v, u] or abs(radius[v, u] - wanted) > apart:
                 continue
             if color[v, u, 0] + color[v, u, 1] + color[v, u, 2] > most:
                 continue
@@ -333,11 +335,13 @@ def _split(
             if high - low <= _LEAST_JUMP:
                 continue
             middle = 0.5 * (low + high)
+            # Nearer to the one surface than to the other.
+            apart = min(_JUMP, 0.5 * (high - low))
             is_near = here < middle
             near_y, near_x = _nearest_of(radius, y, x, middle, True)
             far_y, far_x = _nearest_of(radius, y, x, middle, False)
-            front_varies = _clean_color(color, radius, edge, y, x, radius[near_y, near_x], front)
-            back_varies = _clean_color(color, radius, edge, y, x, radius[far_y, far_x], back)
+            front_varies = _clean_color(color, radius, edge, y, x, radius[near_y, near_x], apart, front)
+            back_varies = _clean_color(color, radius, edge, y, x, radius[far_y, far_x], apart, back)
             # The view of the hidden surfaces shows the farther one whole.
             rendered = has_hidden and out_radius[1, y, x] > middle
             if rendered:
@@ -372,7 +376,8 @@ def _split(
                 size += front[c] * front[c] + back[c] * back[c]
             doubt = front_varies + back_varies + 1e-4 * size + 1e-12
             share = min(max((along + doubt * expected) / (length + doubt), 0.0), 1.0)
-            if abs(front[3] - back[3]) > 0.5:
+            clear = front[3] - back[3] > 0.5
+            if clear:
                 # Before a clear film the alpha is the share, whatever the colours.
                 share = min(max((color[y, x, 3] - back[3]) / (front[3] - back[3]), 0.0), 1.0)
             if thin:
@@ -408,12 +413,12 @@ def _split(
             )
             out_doubt[0, y, x], out_doubt[1, y, x] = unsure, unsure
             # What the two do not explain is given to both, so that the pixel stays what it was.
-            rest = share * share + (0.0 if rendered else (1.0 - share) * (1.0 - share))
+            rest = share * share + (0.0 if rendered or clear else (1.0 - share) * (1.0 - share))
             for c in range(4):
                 whole = color[y, x, c]
                 off = whole - share * front[c] - (1.0 - share) * back[c]
                 near = front[c] + off * share / rest
-                far = back[c] if rendered else back[c] + off * (1.0 - share) / rest
+                far = back[c] if rendered or clear else back[c] + off * (1.0 - share) / rest
                 if near < 0.0:
                     near, far = 0.0, whole / (1.0 - share)
                 elif far < 0.0:
@@ -437,7 +442,7 @@ def _purify(color: Any, radius: Any, edge: Any, output: Any) -> None:
         y: Any = np.int64(row)
         mean = np.empty(4)
         for x in range(columns):
-            if edge[y, x] and _clean_color(color, radius, edge, y, x, radius[y, x], mean) >= 0.0:
+            if edge[y, x] and _clean_color(color, radius, edge, y, x, radius[y, x], _LEAST_JUMP, mean) >= 0.0:
                 for c in range(4):
                     output[y, x, c] = mean[c]
 

@@ -74,7 +74,7 @@ def build(*, transparent: bool = False) -> bpy.types.Scene:
     """
     scene = building.empty_scene("Carafe", 512, 512, samples=24, bounces=10)
     scene.cycles.diffuse_bounces = 1
-    building.extension_settings(scene, point_samples=True)
+    building.extension_settings(scene, sampling="POINTS")
     scene.cycles.sample_clamp_indirect = 3.0
     building.add(
         scene,

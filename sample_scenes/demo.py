@@ -24,7 +24,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("build", "demo"), help="folder of the pictures")
     parser.add_argument("--percentage", type=int, default=100, help="size of the pictures; 100 is 512 pixels")
-    parser.add_argument("--samples", type=int, default=16, help="Cycles' samples for each point sample")
+    parser.add_argument(
+        "--samples", type=int, default=16, help="Cycles' samples for each of the four of a pixel"
+    )
     options = parser.parse_args()
     folder: Path = options.output.resolve()
     folder.mkdir(parents=True, exist_ok=True)
@@ -37,9 +39,9 @@ def main() -> int:
     samples_file = folder / "samples.exr"
     settings = scene.potmesil_camera
     settings.samples_path = str(samples_file)
-    settings.point_samples = True
+    settings.sampling = "FINE"
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "cube_and_sphere.blend"))
-    print("Rendering 2 x 2 point samples for each pixel ...")
+    print("Rendering 2 x 2 samples for each pixel ...")
     bpy.ops.potmesil.render()
     print(f"Rendered and saved the samples in {time.perf_counter() - started:.1f} s")
 

@@ -8,6 +8,7 @@ from . import panels, properties
 
 CLASSES = (
     properties.PotmesilSceneSettings,
+    properties.PotmesilCollectionSettings,
     properties.PotmesilState,
     *panels.CLASSES,
 )
@@ -18,12 +19,16 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Scene.potmesil_camera = bpy.props.PointerProperty(type=properties.PotmesilSceneSettings)
+    bpy.types.Collection.potmesil_camera = bpy.props.PointerProperty(
+        type=properties.PotmesilCollectionSettings
+    )
     bpy.types.WindowManager.potmesil_camera = bpy.props.PointerProperty(type=properties.PotmesilState)
 
 
 def unregister() -> None:
     """Unregister panels and properties."""
     del bpy.types.WindowManager.potmesil_camera
+    del bpy.types.Collection.potmesil_camera
     del bpy.types.Scene.potmesil_camera
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

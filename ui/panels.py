@@ -112,6 +112,7 @@ class POTMESIL_PT_aperture(_CameraPanel, bpy.types.Panel):
         column.prop(dof, "aperture_ratio", text="Ratio")
         layout.prop(own, "coc_model")
         layout.prop(own, "psf")
+        layout.prop(own, "visibility")
 
 
 class POTMESIL_PT_shutter(_CameraPanel, bpy.types.Panel):
@@ -149,10 +150,7 @@ class POTMESIL_PT_shutter(_CameraPanel, bpy.types.Panel):
             column.prop(own, "blade_time")
         elif scene.render.engine == "CYCLES":
             _rolling_shutter(column, compat.cycles_settings(scene))
-        column = layout.column(align=True)
-        column.prop(own, "motion_model")
-        column.prop(own, "use_hidden_surfaces")
-        column.prop(own, "use_overscan")
+        layout.prop(own, "motion_model")
 
 
 class POTMESIL_PT_shutter_curve(_CameraPanel, bpy.types.Panel):
@@ -204,7 +202,9 @@ class POTMESIL_PT_samples(_CameraPanel, bpy.types.Panel):
         column.use_property_split = True
         column.use_property_decorate = False
         column.prop(own, "samples_path", text="File")
-        column.prop(own, "point_samples")
+        column.prop(own, "sampling")
+        _further_samples(column, context)
+        _quality(column, context)
         findings = check_scene(adapter.scene_facts(context.scene))
         box = layout.box()
         if not findings:
@@ -215,6 +215,59 @@ class POTMESIL_PT_samples(_CameraPanel, bpy.types.Panel):
             _sentence(column, context, finding.text)
         if any(finding.fix == "setup_passes" for finding in findings):
             box.operator("potmesil.setup_passes", icon="RENDERLAYERS")
+
+
+class POTMESIL_PT_collection(bpy.types.Panel):
+    """What the extension does with a collection."""
+
+    bl_label = "Potmesil Camera"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "collection"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Show where Blender shows a collection, which the scene's own is not."""
+        return context.collection != context.scene.collection
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the mark for depth peeling."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.active = context.scene.potmesil_camera.depth_peeling == "COLLECTIONS"
+        layout.prop(context.collection.potmesil_camera, "peel")
+
+
+def _further_samples(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw what is rendered beyond the picture, where the processors that need it are on."""
+    scene = context.scene
+    own = scene.potmesil_camera
+    column = layout.column(align=True)
+    row = column.row()
+    row.active = own.use_motion or own.use_lens
+    row.prop(own, "use_overscan")
+    row = column.row()
+    row.active = own.use_motion
+    row.prop(own, "use_hidden_surfaces")
+    column = layout.column(align=True)
+    column.active = own.use_lens
+    column.prop(own, "depth_peeling")
+    if own.depth_peeling == "AUTOMATIC":
+        column.prop(own, "peel_count")
+    marked = any(collection.potmesil_camera.peel for collection in scene.collection.children_recursive)
+    if own.depth_peeling == "COLLECTIONS" and not marked:
+        _sentence(column, context, "No collection is marked Peel Off, in its own properties.", "INFO")
+
+
+def _quality(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw how sure the result is, and the switch for pictures of that."""
+    state = context.window_manager.potmesil_camera
+    column = layout.column(align=True)
+    column.prop(context.scene.potmesil_camera, "use_quality_maps")
+    if state.has_quality:
+        column.label(text=f"Guessed: {100.0 * state.guessed_pixels:.1f} % of the Pixels")
+        column.label(text=f"Expected Error: {100.0 * state.expected_error:.1f} % of White")
 
 
 def _rolling_shutter(column: bpy.types.UILayout, cycles: Any) -> None:
@@ -281,4 +334,5 @@ CLASSES = (
     POTMESIL_PT_shutter_curve,
     POTMESIL_PT_printer,
     POTMESIL_PT_samples,
+    POTMESIL_PT_collection,
 )

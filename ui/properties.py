@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import bpy
 
-from ..operators.setup_passes import POINT_SAMPLES_TOOLTIP
-
 
 class PotmesilSceneSettings(bpy.types.PropertyGroup):
     """What is saved with the scene."""
@@ -32,6 +30,24 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
             ("lommel", "Diffraction", "The diffraction pattern of a round aperture at three wavelengths"),
         ),
         default="disc",
+    )
+    visibility: bpy.props.EnumProperty(
+        name="Visibility",
+        description="What the lens sees of things behind others",
+        items=(
+            (
+                "aperture",
+                "Aperture",
+                "Near things hide what is behind them from a part of the aperture, as with a real lens",
+            ),
+            (
+                "none",
+                "None (Papers)",
+                "The light of all things is added, as in the papers: faster, but blurred backgrounds spread "
+                "over what is before them",
+            ),
+        ),
+        default="aperture",
     )
     uniform_defocus: bpy.props.FloatProperty(
         name="Uniform Defocus",
@@ -143,16 +159,33 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
         precision=3,
         step=1,
     )
-    point_samples: bpy.props.BoolProperty(
-        name="Point Samples",
-        description=POINT_SAMPLES_TOOLTIP,
-        default=False,
+    sampling: bpy.props.EnumProperty(
+        name="Samples",
+        description="How finely the picture is sampled, by Cycles only",
+        items=(
+            ("PIXELS", "Pixels", "One sample for each pixel, filtered as in any render"),
+            (
+                "FINE",
+                "Fine",
+                "Twice the size, filtered as always: closest to Cycles. It has four times the pixels; give "
+                "Cycles a quarter of the samples",
+            ),
+            (
+                "POINTS",
+                "Points",
+                "Twice the size with the smallest filter, so that each sample is one point, as in the "
+                "papers; fine texture in focus suffers. It has four times the pixels; give Cycles a quarter "
+                "of the samples",
+            ),
+        ),
+        default="PIXELS",
     )
     use_overscan: bpy.props.BoolProperty(
         name="Overscan",
         description=(
-            "Render a margin around the picture, as wide as things move there during the exposure, so that "
-            "what comes in from outside is there"
+            "Render a margin around the picture, as wide as things move there during the exposure and as "
+            "circles of confusion reach in, so that what comes in from outside is there. It takes longer by "
+            "the square: a margin of a tenth of the picture on each side by almost a half"
         ),
         default=True,
     )
@@ -161,6 +194,35 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
         description="Also render what moving objects hide, and what hides them, so that it is really there "
         "when they move away. Frames with moving objects take up to three times as long",
         default=True,
+    )
+    depth_peeling: bpy.props.EnumProperty(
+        name="Depth Peeling",
+        description="Also render what near things hide, which the lens sees past their blurred edges. Each "
+        "further view takes about as long as the picture",
+        items=(
+            ("OFF", "Off", "What near things hide is not rendered"),
+            (
+                "AUTOMATIC",
+                "Automatic",
+                "Leave out what is nearest, parted where circles of confusion differ most; what is farthest, "
+                "large as the ground, or around the camera stays",
+            ),
+            ("COLLECTIONS", "Collections", "Leave out one collection marked Peel Off after the other"),
+        ),
+        default="OFF",
+    )
+    peel_count: bpy.props.IntProperty(
+        name="Layers",
+        description="How many further views there may be, each without more of what is near",
+        min=1,
+        max=4,
+        default=2,
+    )
+    use_quality_maps: bpy.props.BoolProperty(
+        name="Show Quality Maps",
+        description="Let Process also make the images Potmesil Error, how far each pixel is expected to be "
+        "off, and Potmesil Guessed, how much of its light was guessed",
+        default=False,
     )
     samples_path: bpy.props.StringProperty(
         name="Samples",
@@ -171,9 +233,23 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
     )
 
 
+class PotmesilCollectionSettings(bpy.types.PropertyGroup):
+    """What is saved with a collection."""
+
+    peel: bpy.props.BoolProperty(
+        name="Peel Off",
+        description="Render a view without this collection, and without what is marked and nearer, for what "
+        "its objects hide, where Depth Peeling is set to Collections",
+        default=False,
+    )
+
+
 class PotmesilState(bpy.types.PropertyGroup):
     """What is going on now; lives with the window manager and is never saved."""
 
     running: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
     progress: bpy.props.FloatProperty(min=0.0, max=1.0, options={"SKIP_SAVE", "HIDDEN"})
     error: bpy.props.StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+    has_quality: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
+    guessed_pixels: bpy.props.FloatProperty(options={"SKIP_SAVE", "HIDDEN"})
+    expected_error: bpy.props.FloatProperty(options={"SKIP_SAVE", "HIDDEN"})

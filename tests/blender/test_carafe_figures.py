@@ -101,6 +101,7 @@ def _world(samples: Any) -> npt.NDArray[np.float64]:
     """Return the place in the world of each sample."""
     depth = samples.layers[0].depth.astype(np.float64)
     rows, columns = depth.shape
-    x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
+    left, top = samples.data_window.x0, samples.data_window.y0
+    x, y = np.meshgrid(np.arange(columns) + left + 0.5, np.arange(rows) + top + 0.5)
     projected = np.stack([x * depth, y * depth, depth, np.ones_like(depth)], axis=-1)
     return (projected @ np.linalg.inv(samples.paths.camera.at(0.0)).T)[..., :3]

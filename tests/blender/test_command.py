@@ -66,8 +66,10 @@ def test_command_follows_the_panel_where_no_option_speaks(blend: Path, module: A
     assert main(["render", "--output", str(tmp_path / "sharp.exr")]) == 0
     bpy.context.scene.potmesil_camera.use_lens = True
     bpy.context.scene.potmesil_camera.coc_model = "paper"
+    bpy.context.scene.potmesil_camera.visibility = "none"
     assert main(["render", "--output", str(tmp_path / "paper.exr")]) == 0
-    assert main(["render", "--output", str(tmp_path / "cycles.exr"), "--coc-model", "cycles"]) == 0
+    words = ["--coc-model", "cycles", "--visibility", "aperture"]
+    assert main(["render", "--output", str(tmp_path / "cycles.exr"), *words]) == 0
     lens = {
         name: OpenEXR.File(str(tmp_path / f"{name}.exr")).header().get("potmesil:lens", "")
         for name in ("sharp", "paper", "cycles")
@@ -75,6 +77,8 @@ def test_command_follows_the_panel_where_no_option_speaks(blend: Path, module: A
     assert lens["sharp"] == ""
     assert '"coc_model": "paper"' in lens["paper"]
     assert '"coc_model": "cycles"' in lens["cycles"]
+    assert '"visibility": "none"' in lens["paper"]
+    assert '"visibility": "aperture"' in lens["cycles"]
 
 
 def test_the_printer_follows_the_panel_frame_by_frame(blend: Path, module: Any, tmp_path: Path) -> None:

@@ -723,7 +723,8 @@ def test_instances_are_hidden_with_their_instancer(scene: Any, exported: Any, ki
 def test_companions_are_right_with_kept_render_data_and_point_samples(scene: Any, exported: Any) -> None:
     passing(scene)
     scene.render.use_persistent_data = True
-    scene.potmesil_camera.point_samples = True
+    scene.potmesil_camera.sampling = "POINTS"
+    scene.potmesil_camera.use_lens = False
     for _ in range(2):
         samples = exported()
         layer = samples.layers[0]

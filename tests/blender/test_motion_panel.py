@@ -80,6 +80,19 @@ def test_switch_and_paths(scene: Any, settings: Any) -> None:
         assert settings().motion_model == model
 
 
+def test_visibility(scene: Any, settings: Any) -> None:
+    own = scene.potmesil_camera
+    assert settings().visibility == "aperture"
+    own.visibility = "none"
+    assert settings().visibility == "none"
+    for frame, visibility in ((1, "aperture"), (2, "none")):
+        own.visibility = visibility
+        own.keyframe_insert("visibility", frame=frame)
+    for frame, visibility in ((1, "aperture"), (2, "none")):
+        scene.frame_set(frame)
+        assert settings().visibility == visibility
+
+
 def test_exposures(scene: Any, settings: Any) -> None:
     own = scene.potmesil_camera
     own.exposure_duration, own.exposure_spacing = 0.25, 0.5

@@ -15,6 +15,7 @@ from figures.workshop import Workshop, processed
 from potmesil_addon.lens import Lens, circle_of_confusion
 from potmesil_addon.process import ProcessSettings
 from potmesil_addon.samples import Samples
+from potmesil_addon.sheets import on_display
 from sample_scenes import catalogue, night_street
 
 EYE = (-0.13, 1.18, 0.152)
@@ -46,7 +47,7 @@ def samples(workshop) -> Samples:
 
 
 def pixel(samples, place: tuple[float, float, float]) -> tuple[int, int]:
-    """Return the row and column where a place is seen."""
+    """Return the row and column of the picture where a place is seen."""
     x, y = samples.camera.project(place)[0]
     return int(y), int(x)
 
@@ -58,7 +59,7 @@ def circle_px(samples, depth: float) -> float:
 
 
 def test_the_robot_is_in_focus(samples):
-    depth = samples.layers[0].depth[pixel(samples, EYE)]
+    depth = on_display(samples, samples.layers[0].depth)[pixel(samples, EYE)]
     assert samples.lens.focus_distance == pytest.approx(night_street.FOCUS_DISTANCE)
     # The picture has a quarter of its size: half a pixel at full size.
     assert abs(circle_px(samples, depth)) < 0.125

@@ -22,6 +22,22 @@ def turning_scene(scene: Any) -> None:
     keyed(scene.camera, "rotation_euler", {0: (np.pi / 2, 0.0, -0.08), 2: (np.pi / 2, 0.0, 0.08)})
 
 
+def lens_only(scene: Any, fstop: float = 0.05, focus: float = 2.5) -> None:
+    own = scene.potmesil_camera
+    own.use_motion, own.use_lens = False, True
+    scene.camera.data.dof.aperture_fstop, scene.camera.data.dof.focus_distance = fstop, focus
+
+
+def radius(depth: float, fstop: float = 0.05, focus: float = 2.5) -> float:
+    """Return a circle's radius in pixels of 0.375 mm, for 50 mm in Cycles' model."""
+    return 0.5 * 2.5e-3 / fstop * abs(1.0 / focus - 1.0 / depth) / 0.375e-3
+
+
+def margins_of(scene: Any, module: Any) -> Any:
+    motion = module("potmesil_addon.process").run(module("operators.motion").sample_motion(scene))
+    return module("operators.overscan").overscan_margins(scene, motion)
+
+
 def export(scene: Any, module: Any, path: Path) -> Any:
     module("operators.export").render_samples(bpy.context, path)
     return module("potmesil_addon.exr").read_samples(path)
@@ -45,7 +61,7 @@ def test_the_picture_lies_where_it_lay_without(scene: Any, module: Any, tmp_path
     elif setting == "percentage":
         render.resolution_percentage = 73
     elif setting == "points":
-        scene.potmesil_camera.point_samples = True
+        scene.potmesil_camera.sampling = "POINTS"
     scene.potmesil_camera.use_overscan = False
     plain = export(scene, module, tmp_path / "plain.exr")
     scene.potmesil_camera.use_overscan = True
@@ -82,6 +98,7 @@ def test_the_margin_is_as_wide_as_things_move(scene: Any, module: Any) -> None:
 def test_what_moves_within_the_picture_needs_none(scene: Any, module: Any, tmp_path: Path) -> None:
     item = card(scene, "Card", (0.0, 5.0, 0.0), 0.4, emitter("Glow", (1.0, 1.0, 1.0)))
     keyed(item, "location", {0: (-0.5, 5.0, 0.0), 2: (0.5, 5.0, 0.0)})
+    scene.potmesil_camera.use_lens = False
     samples = export(scene, module, tmp_path / "a.exr")
     assert samples.data_window == samples.display_window
 
@@ -94,8 +111,10 @@ def test_a_long_way_is_cut_to_a_quarter(scene: Any, module: Any) -> None:
     assert run(module("operators.motion").sample_motion(scene)).margins[0] == 24
 
 
-def test_settings_are_given_back(scene: Any, module: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("sampling", ["PIXELS", "POINTS"])
+def test_settings_are_given_back(scene: Any, module: Any, tmp_path: Path, sampling: str) -> None:
     turning_scene(scene)
+    scene.potmesil_camera.sampling = sampling
     names = ("resolution_x", "resolution_y", "resolution_percentage", "use_border")
 
     def settings() -> Any:
@@ -113,3 +132,85 @@ def test_no_margin_with_a_border(scene: Any, module: Any, tmp_path: Path) -> Non
     scene.render.border_min_x, scene.render.border_max_x = 0.25, 0.75
     samples = export(scene, module, tmp_path / "a.exr")
     assert samples.data_window == samples.display_window
+
+
+# ----- for the lens
+
+
+@pytest.mark.parametrize("ratio", [1.0, 2.0])
+def test_the_margin_holds_the_circles_of_the_background(scene: Any, module: Any, ratio: float) -> None:
+    lens_only(scene, 0.1)
+    scene.camera.data.dof.aperture_ratio = ratio
+    expected = radius(np.inf, 0.1)
+    assert 13.0 < expected < 14.0
+    assert margins_of(scene, module) == (np.ceil(expected / ratio), 14)
+    scene.potmesil_camera.coc_model = "paper"
+    assert margins_of(scene, module) == (np.ceil(expected / ratio / (1.0 - 0.05 / 2.5)), 14)
+
+
+def test_what_is_near_at_the_border_counts(scene: Any, module: Any) -> None:
+    lens_only(scene, 0.1)
+    glow = emitter("Glow", (1.0, 1.0, 1.0))
+    # Wholly inside, however near.
+    item = card(scene, "Inside", (0.0, 0.5, 0.0), 0.02, glow)
+    assert margins_of(scene, module) == (14, 14)
+    item.scale = (5.0, 1.0, 1.0)
+    item.location = (0.35, 1.0, 0.0)
+    expected = np.ceil(radius(1.0, 0.1))
+    assert expected == 20
+    # In height a quarter of the picture.
+    assert margins_of(scene, module) == (20, 16)
+    # Outside, 21 pixels of 48 to half the picture's width of 0.36: too far out to reach in.
+    item.location.x = 0.36 + 0.05 + 21.0 / 48.0 * 0.36
+    assert margins_of(scene, module) == (14, 14)
+
+
+def test_ground_counts_where_the_margin_ends(scene: Any, module: Any) -> None:
+    lens_only(scene, 0.2)
+    mesh = bpy.data.meshes.new("Ground")
+    mesh.from_pydata([(-9, -9, -0.3), (9, -9, -0.3), (9, 90, -0.3), (-9, 90, -0.3)], [], [(0, 1, 2, 3)])
+    scene.collection.objects.link(bpy.data.objects.new("Ground", mesh))
+    _, rows = margins_of(scene, module)
+    # Row r below the middle shows the ground 0.3 * 133.3 / r away.
+    for margin in range(1, 17):
+        if radius(40.0 / (32 + margin), 0.2) <= margin:
+            break
+    assert margin <= rows <= margin + 1
+    assert rows < 16
+
+
+def test_the_lens_has_at_most_a_quarter_and_nothing_for_less_than_a_pixel(scene: Any, module: Any) -> None:
+    lens_only(scene, 0.01)
+    assert margins_of(scene, module) == (24, 16)
+    lens_only(scene, 2.8)
+    assert margins_of(scene, module) == (0, 0)
+
+
+def test_motion_and_lens_add(scene: Any, module: Any) -> None:
+    lens_only(scene, 0.2)
+    turning_scene(scene)
+    (lens, _) = margins_of(scene, module)
+    own = scene.potmesil_camera
+    own.use_motion, own.use_lens = True, False
+    (motion, _) = margins_of(scene, module)
+    own.use_lens = True
+    assert motion >= 4
+    assert margins_of(scene, module)[0] == motion + lens
+    own.use_overscan = False
+    assert not module("operators.overscan").uses_overscan(scene)
+
+
+def test_what_is_outside_blurs_in(scene: Any, module: Any, tmp_path: Path) -> None:
+    lens_only(scene, 0.1)
+    # From 2 to 12 pixels outside of the picture's right border.
+    width = 10.0 * 10.0 / 133.3
+    card(scene, "Card", (10.0 * 55.0 / 133.3, 10.0, 0.0), width, emitter("Glow", (1.0, 1.0, 1.0)))
+    process = module("potmesil_addon.process")
+    sums = []
+    for overscan in (False, True):
+        scene.potmesil_camera.use_overscan = overscan
+        samples = export(scene, module, tmp_path / "a.exr")
+        settings = process.ProcessSettings(use_motion=False)
+        sums.append(float(process.run(process.process(samples, settings)).picture[..., 0].sum()))
+    assert sums[0] == 0.0
+    assert sums[1] > 5.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,12 @@ OpenEXR = pytest.importorskip("OpenEXR")
 
 def _result() -> Any:
     """Return the result image as an array with row 0 on top."""
-    image = bpy.data.images["Potmesil Result"]
+    return _image("Potmesil Result")
+
+
+def _image(name: str) -> Any:
+    """Return an image as an array with row 0 on top."""
+    image = bpy.data.images[name]
     values = np.empty(len(image.pixels), dtype=np.float32)
     image.pixels.foreach_get(values)
     columns, rows = image.size
@@ -74,7 +80,7 @@ def test_every_borrowed_setting_is_given_back(scene: Any) -> None:
     scene.camera.data.dof.use_dof = True
     scene.render.image_settings.file_format = "JPEG"
     scene.render.image_settings.color_mode = "BW"
-    scene.potmesil_camera.point_samples = True
+    scene.potmesil_camera.sampling = "POINTS"
     scene.render.use_multiview = True
     before = _settings(scene)
     bpy.ops.potmesil.render()
@@ -139,6 +145,8 @@ def test_process_follows_the_camera_without_rendering(scene: Any) -> None:
     renders = []
     bpy.app.handlers.render_init.append(lambda *_: renders.append(1))
     try:
+        # On the wall: a sharp card before an even wall would look the same at any f-stop.
+        scene.camera.data.dof.focus_distance = 9.0
         scene.camera.data.dof.aperture_fstop = 0.5
         bpy.ops.potmesil.process()
     finally:
@@ -197,14 +205,134 @@ def test_film_alpha_is_premultiplied_and_blurs_with_the_color(scene: Any) -> Non
     )
 
 
-def test_point_samples_give_the_final_size(scene: Any, module: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("sampling", ["FINE", "POINTS"])
+def test_finer_samples_give_the_final_size(scene: Any, module: Any, tmp_path: Path, sampling: str) -> None:
     card(scene, "Wall", (0.0, 5.0, 0.0), 20.0, emitter("Glow", (1.0, 1.0, 1.0)))
-    scene.potmesil_camera.point_samples = True
+    scene.potmesil_camera.sampling = sampling
     bpy.ops.potmesil.render()
     assert tuple(bpy.data.images["Potmesil Result"].size) == (96, 64)
+    np.testing.assert_allclose(_result()[..., 1], 1.0, atol=1e-5)
     samples = module("potmesil_addon.exr").read_samples(tmp_path / "samples_0001.exr")
     assert samples.supersampling == 2
-    assert samples.layers[0].depth.shape == (128, 192)
+    assert (samples.display_window.rows, samples.display_window.columns) == (128, 192)
+    # The margin for the lens is of samples, too.
+    assert samples.layers[0].depth.shape == (134, 198)
+
+
+@pytest.mark.parametrize("sampling", ["FINE", "POINTS"])
+def test_finer_samples_see_what_pixels_see(scene: Any, module: Any, tmp_path: Path, sampling: str) -> None:
+    # Sizes, percentages and borders of which the double is not twice the pixels.
+    card(scene, "Card", (0.1, 4.0, 0.1), 0.5, emitter("Glow", (1.0, 1.0, 1.0)))
+    own, render = scene.potmesil_camera, scene.render
+    own.use_lens = own.use_motion = False
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 115, 77, 73
+    render.use_border = render.use_crop_to_border = True
+    render.border_min_x, render.border_max_x = 0.21, 0.83
+    render.border_min_y, render.border_max_y = 0.15, 1.0
+    scene.cycles.samples = 64
+    read = module("potmesil_addon.exr").read_samples
+    borders = (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y)
+    bpy.ops.potmesil.render()
+    plain, pixels = _result().copy(), read(tmp_path / "samples_0001.exr")
+    own.sampling = sampling
+    bpy.ops.potmesil.render()
+    fine, samples = _result(), read(tmp_path / "samples_0001.exr")
+    assert fine.shape == plain.shape
+    assert (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y) == borders
+    assert samples.display_window.columns == 2 * pixels.display_window.columns
+    assert samples.film.width == pytest.approx(pixels.film.width, rel=1e-5)
+    seen, wanted = (np.array(each.camera.project((0.1, 4.0, 0.1))[0]) for each in (samples, pixels))
+    np.testing.assert_allclose(0.5 * seen, wanted, atol=1e-3)
+    # Points put each edge of the card at a border between them.
+    off, more = (0.05, 0.02) if sampling == "FINE" else (0.25, 0.1)
+    np.testing.assert_allclose(_centroid(fine[..., 1]), _centroid(plain[..., 1]), atol=off)
+    assert fine[..., 1].sum() == pytest.approx(plain[..., 1].sum(), rel=more)
+
+
+def _filter_of(path: Path) -> dict[str, float]:
+    return dict(json.loads(OpenEXR.File(str(path)).header()["potmesil:filter"]))
+
+
+@pytest.mark.parametrize(
+    ("kind", "width", "variance"),
+    [
+        ("BLACKMAN_HARRIS", 1.5, 0.019184279 * 9.0),
+        ("BLACKMAN_HARRIS", 3.0, 0.019184279 * 36.0),
+        ("GAUSSIAN", 1.5, 2.25 / 16.0),
+        ("BOX", 1.5, 1.0 / 12.0),
+    ],
+)
+@pytest.mark.parametrize("sampling", ["PIXELS", "FINE", "POINTS"])
+def test_samples_say_how_they_are_filtered(
+    scene: Any, tmp_path: Path, sampling: str, kind: str, width: float, variance: float
+) -> None:
+    scene.render.resolution_x = scene.render.resolution_y = 16
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = kind, width
+    scene.potmesil_camera.sampling = sampling
+    bpy.ops.potmesil.render()
+    stored = _filter_of(tmp_path / "samples_0001.exr")
+    assert stored["pixel_variance"] == pytest.approx(variance)
+    of_points = 0.019184279 * 0.02**2
+    assert stored["sample_variance"] == pytest.approx(of_points if sampling == "POINTS" else variance)
+    assert scene.cycles.pixel_filter_type == kind
+    assert scene.cycles.filter_width == pytest.approx(width)
+
+
+@pytest.mark.parametrize(("kind", "width"), [("BLACKMAN_HARRIS", 3.0), ("GAUSSIAN", 4.0), ("BOX", 1.5)])
+def test_filters_are_as_wide_as_samples_say(
+    scene: Any, module: Any, tmp_path: Path, kind: str, width: float
+) -> None:
+    """Steps from pixel to pixel over an edge spread by the filter and by a pixel's width."""
+    left = card(scene, "Left", (-5.0, 5.0, 0.0), 10.0, emitter("Glow", (1.0, 1.0, 1.0)))
+    # The edge slants through the middle, and so crosses pixels everywhere.
+    left.rotation_euler.y = 0.1
+    left.location.x, left.location.z = -5.0 * np.cos(0.1), 5.0 * np.sin(0.1)
+    scene.potmesil_camera.use_lens = False
+    scene.cycles.samples = 1024
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = kind, width
+    bpy.ops.potmesil.render()
+    steps = -np.diff(_result()[8:-8, :, 1].astype(np.float64), axis=1)
+    x, y = np.arange(steps.shape[1]), np.arange(steps.shape[0])
+    edge = np.polyval(np.polyfit(y, (steps * x).sum(axis=1) / steps.sum(axis=1), 1), y)
+    measured = (steps * (x - edge[:, np.newaxis]) ** 2).sum() / steps.sum()
+    expected = _filter_of(tmp_path / "samples_0001.exr")["pixel_variance"]
+    # Cycles draws from a table of the filter, which is a little wider.
+    assert measured == pytest.approx(expected + 1.0 / 12.0, rel=0.05)
+
+
+def test_other_engines_give_pixels(scene: Any, module: Any) -> None:
+    sampling = module("operators.sampling")
+    scene.potmesil_camera.sampling = "FINE"
+    assert sampling.supersampling(scene) == 2
+    scene.render.engine = "BLENDER_WORKBENCH"
+    assert sampling.supersampling(scene) == 1
+    assert sampling.filter_variance(scene) is None
+
+
+def test_process_says_how_sure_the_result_is(scene: Any, module: Any, tmp_path: Path) -> None:
+    card(scene, "Near", (-0.5, 1.0, 0.3), 0.6, emitter("Red", (1.0, 0.0, 0.0)))
+    card(scene, "Wall", (0.0, 9.0, 0.0), 30.0, emitter("Blue", (0.0, 0.0, 1.0)))
+    state = bpy.context.window_manager.potmesil_camera
+    bpy.ops.potmesil.render()
+    assert not {"Potmesil Error", "Potmesil Guessed"} & set(bpy.data.images.keys())
+    core = module("potmesil_addon.process")
+    samples = module("potmesil_addon.exr").read_samples(tmp_path / "samples_0001.exr")
+    result = core.run(core.process(samples, module("operators.process").process_settings(bpy.context)))
+    quality = result.report["quality"]
+    assert state.has_quality
+    assert quality["guessed_pixels"] > 0.0
+    assert state.guessed_pixels == pytest.approx(quality["guessed_pixels"])
+    assert state.expected_error == pytest.approx(quality["predicted_error"])
+    scene.potmesil_camera.use_quality_maps = True
+    bpy.ops.potmesil.process()
+    for name, values in (("Potmesil Error", result.predicted_error), ("Potmesil Guessed", result.guessed)):
+        stored = _image(name)
+        np.testing.assert_allclose(stored[..., :3], values[..., np.newaxis].repeat(3, axis=2), atol=1e-6)
+        np.testing.assert_array_equal(stored[..., 3], 1.0)
+    scene.potmesil_camera.visibility = "none"
+    bpy.ops.potmesil.process()
+    assert state.guessed_pixels == 0.0
+    assert _image("Potmesil Guessed")[..., :3].max() == 0.0
 
 
 @pytest.mark.parametrize(
@@ -219,7 +347,7 @@ def test_bokeh_has_cycles_size_shape_and_orientation(
     # Point samples, since an anti-aliased light this small is half made of its rim, which has the depth of
     # what lies behind.
     scene.render.resolution_x, scene.render.resolution_y = 160, 120
-    scene.potmesil_camera.point_samples = True
+    scene.potmesil_camera.sampling = "POINTS"
     card(
         scene,
         "Light",

@@ -48,7 +48,7 @@ def contents(scene: Any) -> dict[str, Any]:
         "size": [scene.render.resolution_x, scene.render.resolution_y],
         "samples": scene.cycles.samples,
         "frame": scene.frame_current,
-        "extension": [getattr(scene.potmesil_camera, name) for name in ("use_lens", "point_samples")],
+        "extension": [getattr(scene.potmesil_camera, name) for name in ("use_lens", "sampling")],
         "exposure": [round(scene.render.motion_blur_shutter, 4), scene.render.motion_blur_position],
     }
 

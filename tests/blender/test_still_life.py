@@ -14,6 +14,7 @@ from figures.workshop import Workshop, processed
 from potmesil_addon.lens import Lens, circle_of_confusion
 from potmesil_addon.process import ProcessSettings
 from potmesil_addon.samples import LensAttributes, Samples
+from potmesil_addon.sheets import on_display
 from sample_scenes import catalogue, still_life
 
 NAME = "still_life"
@@ -35,7 +36,7 @@ def test_the_jewel_is_seen_and_in_focus(samples):
     jewel = scene.objects[still_life.KEY_POINT].matrix_world.translation
     x, y, depth = world_to_camera_view(scene, scene.camera, jewel)
     assert samples.lens.focus_distance == pytest.approx(depth, abs=1e-6)
-    seen = samples.layers[0].depth
+    seen = on_display(samples, samples.layers[0].depth)
     rows, columns = seen.shape
     # Nothing is in front of it: the jewel and its setting are less than a millimetre deep.
     assert seen[int((1.0 - y) * rows), int(x * columns)] == pytest.approx(depth, abs=0.001)
@@ -43,7 +44,7 @@ def test_the_jewel_is_seen_and_in_focus(samples):
 
 def test_a_near_foreground_fills_the_lower_left_and_a_far_background_the_top(samples):
     lens = Lens(samples.lens.focal_length, samples.lens.f_stop, samples.lens.focus_distance)
-    circles = circle_of_confusion(samples.layers[0].depth, lens) / samples.film.width
+    circles = circle_of_confusion(on_display(samples, samples.layers[0].depth), lens) / samples.film.width
     height, width = circles.shape
     near = circles < -0.04
     assert 0.08 < near.mean() < 0.33

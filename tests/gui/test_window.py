@@ -58,7 +58,7 @@ def seen(blender: Any, tmp_path_factory: pytest.TempPathFactory) -> dict[str, An
     """What the driven session wrote down; its pictures are kept in build/gui."""
     folder = tmp_path_factory.mktemp("seen")
     script = str(ROOT / "tests" / "gui" / "drive.py")
-    done = blender("--enable-event-simulate", "--python", script, "--", str(folder))
+    done = blender("--enable-event-simulate", "--python", script, "--", str(folder), timeout=900.0)
     PICTURES.mkdir(parents=True, exist_ok=True)
     for picture in folder.glob("*.png"):
         shutil.copy(picture, PICTURES)
@@ -80,6 +80,13 @@ def test_process_button_refocuses(seen: dict[str, Any]) -> None:
     assert seen["refocused"]
 
 
+def test_the_panel_knows_how_sure_the_result_is(seen: dict[str, Any]) -> None:
+    known, guessed, expected_error = seen["quality"]
+    assert known
+    assert 0.0 < guessed < 1.0
+    assert 0.0 < expected_error < 0.2
+
+
 def test_process_button_takes_the_present_shutter(seen: dict[str, Any]) -> None:
     assert seen["exposed"]
     assert seen["error_after_process"] == ""
@@ -93,7 +100,9 @@ def test_escape_cancels_the_render_and_gives_everything_back(seen: dict[str, Any
     assert seen["file_format"] == "PNG"
 
 
-@pytest.mark.parametrize("name", ["panel", "shutter_curve", "printer", "rendered", "processed", "exposed"])
+@pytest.mark.parametrize(
+    "name", ["panel", "aperture", "shutter_curve", "printer", "rendered", "processed", "exposed"]
+)
 def test_window_is_drawn(seen: dict[str, Any], name: str) -> None:
     png = pytest.importorskip("png")
     columns, rows, lines, _ = png.Reader(str(PICTURES / f"{name}.png")).asRGB8()
