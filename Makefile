@@ -30,8 +30,8 @@ FIGURES_ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup system-packages demo test test-all test-others test-gui benchmark figures scenes extension \
-	extension-release lint format docs clean
+.PHONY: help setup system-packages demo test test-all test-others test-gui benchmark bench-fidelity \
+	bench-flicker figures scenes extension extension-release lint format docs clean
 
 help:  ## list these targets
 	@echo "make TARGET [BLENDER_VERSION=$(BLENDER_VERSION)]   (one of $(BLENDER_VERSIONS))"
@@ -104,6 +104,12 @@ $(BENCH)/.stamp: .venv/bpy-5.2/.stamp requirements/bench.txt
 		> $(BENCH)/lib/python$(PYTHON_OF_5.2)/site-packages/bpy.pth && \
 	$(BENCH)/bin/python $(PIP_INSTALL) -r requirements/bench.txt && \
 	touch $@
+
+bench-fidelity: $(BENCH)/.stamp  ## measure depth of field against Cycles, Defocus and GEGL, into build/bench/lens
+	$(BENCH)/bin/python benchmarks/lens_fidelity.py $(BENCH_ARGS)
+
+bench-flicker: $(BENCH)/.stamp  ## measure flicker in a focus pull and a camera move, into build/bench/flicker
+	$(BENCH)/bin/python benchmarks/flicker.py $(BENCH_ARGS)
 
 benchmark: $(BENCH)/.stamp  ## measure motion blur against Cycles and Vector Blur, into build/bench/motion
 	$(BENCH)/bin/python benchmarks/motion_fidelity.py $(BENCH_ARGS)

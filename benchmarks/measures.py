@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -146,12 +147,34 @@ def compare(reference: Picture, picture: Picture, region: Region) -> tuple[Liken
     Likeness, Likeness
         Over the whole picture, and inside the region.
     """
+    found = compare_regions(reference, picture, {"frame": None, "region": region})
+    return found["frame"], found["region"]
+
+
+def compare_regions(
+    reference: Picture, picture: Picture, regions: Mapping[str, Region | None]
+) -> dict[str, Likeness]:
+    """Compare a picture with a reference in several regions.
+
+    Parameters
+    ----------
+    reference, picture : ndarray of float32 of shape (rows, columns, 3)
+        Scene-linear.
+    regions : mapping of str to ndarray of bool of shape (rows, columns)
+        By name; None is the whole picture.
+
+    Returns
+    -------
+    dict of str to Likeness
+        In each.
+    """
     shown_reference, shown = displayed(reference), displayed(picture)
     similarity = ssim_map(shown_reference, shown)
     error = flip_map(shown_reference, shown)
+    everywhere = np.ones(similarity.shape, dtype=bool)
 
     def within(where: Region | None) -> Likeness:
-        chosen = np.ones(region.shape, dtype=bool) if where is None else where
+        chosen = everywhere if where is None else where
         return Likeness(
             psnr(shown_reference, shown, where),
             psnr(reference, picture, where),
@@ -159,7 +182,7 @@ def compare(reference: Picture, picture: Picture, region: Region) -> tuple[Liken
             float(error[chosen].mean()),
         )
 
-    return within(None), within(region)
+    return {name: within(where) for name, where in regions.items()}
 
 
 def moving_region(sharp: Picture, first: Picture, second: Picture) -> Region:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,9 +11,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 import numpy.typing as npt
-import OpenEXR
-
-from sample_scenes.rendering import saved_render
+from rgba import saved_rgba, write_channels
 
 if TYPE_CHECKING:
     from motion_scenes import Exposure
@@ -101,15 +100,84 @@ def vector_blur(layer: SampleLayer, setup: Setup, folder: Path) -> Array:
     ndarray of float32 of shape (rows, columns, 3)
         Scene-linear.
     """
+    picture = composited(layer, lambda tree, passes: blurred(tree, passes, setup), folder, setup.vectors)
+    return picture[..., :3]
+
+
+def blurred(tree: Any, passes: Any, setup: Setup, image: Any = None) -> Any:
+    """Add a Vector Blur node to a tree, and return the socket of its picture.
+
+    Parameters
+    ----------
+    tree : NodeTree
+        The compositor's nodes.
+    passes : Node
+        Has Combined, Depth and Vector.
+    setup : Setup
+        How to set it up.
+    image : NodeSocket, optional
+        What is blurred in place of Combined.
+
+    Returns
+    -------
+    NodeSocket
+        The blurred picture.
+    """
+    blur = tree.nodes.new("CompositorNodeVecBlur")
+    blur.inputs["Samples"].default_value = setup.samples
+    blur.inputs["Shutter"].default_value = setup.shutter
+    for source, socket in (
+        (image or passes.outputs["Combined"], "Image"),
+        (passes.outputs["Depth"], "Depth"),
+        (passes.outputs["Vector"], "Speed"),
+    ):
+        tree.links.new(source, blur.inputs[socket])
+    return blur.outputs["Image"]
+
+
+def composited(
+    layer: SampleLayer,
+    connect: Callable[[Any, Any], Any],
+    folder: Path,
+    vectors: str = "both",
+    camera: Callable[[bpy.types.Scene, bpy.types.Camera], None] | None = None,
+) -> Array:
+    """Run Blender's compositor on a samples file.
+
+    Parameters
+    ----------
+    layer : SampleLayer
+        Its Combined, Z and Vector are used.
+    connect : callable
+        Gets the tree and the node with the passes, and returns the socket of the finished picture.
+    folder : Path
+        For files that are removed again.
+    vectors : {"both", "ahead", "back"}
+        Which halves of the Vector pass there are; the other one is 0.
+    camera : callable, optional
+        Gets the compositor's scene and its camera's data, which some nodes read.
+
+    Returns
+    -------
+    ndarray of float32 of shape (rows, columns, 4)
+        Scene-linear and premultiplied.
+    """
     source = folder / "node_input.exr"
-    rows, columns = _write_passes(source, layer, setup.vectors)
-    scene = bpy.data.scenes.new("Vector Blur")
+    rows, columns = _write_passes(source, layer, vectors)
+    scene = bpy.data.scenes.new("Compositor")
     image = bpy.data.images.load(str(source))
-    tree = _nodes(image, setup)
-    camera = bpy.data.objects.new("Unused", bpy.data.cameras.new("Unused"))
+    tree = bpy.data.node_groups.new("Compositor", "CompositorNodeTree")
+    item = bpy.data.objects.new("Unused", bpy.data.cameras.new("Unused"))
     try:
-        scene.collection.objects.link(camera)
-        scene.camera = camera
+        scene.collection.objects.link(item)
+        scene.camera = item
+        if camera is not None:
+            camera(scene, item.data)
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        passes = tree.nodes.new("CompositorNodeImage")
+        passes.image = image
+        output = tree.nodes.new("NodeGroupOutput")
+        tree.links.new(connect(tree, passes), output.inputs["Image"])
         render = scene.render
         render.engine = "CYCLES"
         render.resolution_x, render.resolution_y, render.resolution_percentage = columns, rows, 100
@@ -119,28 +187,13 @@ def vector_blur(layer: SampleLayer, setup: Setup, folder: Path) -> Array:
         scene.cycles.use_denoising = False
         scene.compositing_node_group = tree
         bpy.ops.render.render(scene=scene.name)
-        return saved_render(scene)
+        return saved_rgba(scene)
     finally:
         bpy.data.scenes.remove(scene)
         bpy.data.node_groups.remove(tree)
         bpy.data.images.remove(image)
-        bpy.data.cameras.remove(camera.data)
+        bpy.data.cameras.remove(item.data)
         source.unlink()
-
-
-def _nodes(image: bpy.types.Image, setup: Setup) -> Any:
-    tree = bpy.data.node_groups.new("Vector Blur", "CompositorNodeTree")
-    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-    passes = tree.nodes.new("CompositorNodeImage")
-    passes.image = image
-    blur = tree.nodes.new("CompositorNodeVecBlur")
-    blur.inputs["Samples"].default_value = setup.samples
-    blur.inputs["Shutter"].default_value = setup.shutter
-    output = tree.nodes.new("NodeGroupOutput")
-    for name, socket in (("Combined", "Image"), ("Depth", "Depth"), ("Vector", "Speed")):
-        tree.links.new(passes.outputs[name], blur.inputs[socket])
-    tree.links.new(blur.outputs["Image"], output.inputs["Image"])
-    return tree
 
 
 def _write_passes(path: Path, layer: SampleLayer, vectors: str) -> tuple[int, int]:
@@ -153,8 +206,6 @@ def _write_passes(path: Path, layer: SampleLayer, vectors: str) -> tuple[int, in
     channels = {f"Layer.Combined.{name}": layer.color[..., n] for n, name in enumerate("RGBA")}
     channels |= {f"Layer.Vector.{name}": vector[..., n] for n, name in enumerate("XYZW")}
     channels["Layer.Depth.V"] = np.where(np.isfinite(layer.depth), layer.depth, _NO_SURFACE)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    whole = {name: np.ascontiguousarray(values, dtype=np.float32) for name, values in channels.items()}
-    OpenEXR.File(header, whole).write(str(path))
+    write_channels(path, channels)
     rows, columns = layer.depth.shape
     return rows, columns
