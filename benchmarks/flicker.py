@@ -195,7 +195,8 @@ def measure(sequence: Sequence) -> dict[str, Flicker]:
         noise = np.asarray(0.5 * (first - second), dtype=np.float32)
         pictures = {_REFERENCE: reference, **dict(_pictures(sequence, frame, distances[frame], largest))}
         if frame in shown:
-            tiles += [(f"frame {frame}: {_title(name)}", picture) for name, picture in pictures.items()]
+            titles = {_REFERENCE: "Cycles", **COLUMNS}
+            tiles += [(f"frame {frame}: {titles[name]}", picture) for name, picture in pictures.items()]
         if noise_before is not None:
             change = reference - before[_REFERENCE]
             for name, picture in pictures.items():
@@ -309,6 +310,7 @@ def main() -> int:
     parser.add_argument("--scene", action="append", choices=SEQUENCES, metavar="NAME", help="may be repeated")
     parser.add_argument("--list", action="store_true", help="name the sequences and what they are")
     parser.add_argument("--quick", action="store_true", help="few frames and samples: a look only")
+    parser.add_argument("--reprocess", action="store_true", help="render nothing: all of it must be there")
     parser.add_argument("--again", action="store_true", help="export the samples again")
     parser.add_argument("--prepare", action="store_true", help="render what is missing, and stop")
     parser.add_argument("--mode", action="append", choices=MODES, help="samples to export (ordinary, hidden)")
@@ -321,7 +323,8 @@ def main() -> int:
     found = {}
     for name in options.scene or SEQUENCES:
         sequence = Sequence(SEQUENCES[name], _QUICK if options.quick else _FULL)
-        sequence.prepare(options.mode or ["ordinary", "hidden"], again=options.again)
+        if not options.reprocess:
+            sequence.prepare(options.mode or ["ordinary", "hidden"], again=options.again)
         if not options.prepare:
             found[name] = measure(sequence)
     if found:
