@@ -238,12 +238,12 @@ def _sources(
         colors,
         depths,
         radius,
-        max(cells.stretch_x, cells.stretch_y),
+        cells.stretch,
         mixed=samples.mixes_surfaces,
     )
     above, left = 0, 0
     if fragments.reach.any():
-        beyond = _beyond_the_data(radius[0] * max(cells.stretch_x, cells.stretch_y), samples)
+        beyond = _beyond_the_data(radius[0] * cells.stretch, samples)
         (above, _), (left, _) = beyond
         fragments = carried_past_the_border(fragments, beyond)
     compiled = uses_numba(settings.backend)

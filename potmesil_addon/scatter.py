@@ -78,14 +78,16 @@ BEHIND: Final = 2
 _MOST_GAIN: Final = 2.0
 """Most that what is partly hidden is strengthened by where weights are missing."""
 
-_CELLS: Final = 16
-_CELL: Final = 2.0 / _CELLS
+CELLS: Final = 16
+"""Cells along each side of the square around a circle; a row of them is a number of a mask."""
+
+_CELL: Final = 2.0 / CELLS
 """Side of a cell in radii."""
 
 _NO_MASKS: Final = Masks(
     np.zeros((0, 0, 0), dtype=np.int32),
     np.zeros((0, 0, 0), dtype=np.uint8),
-    np.zeros((0, _CELLS), dtype=np.uint16),
+    np.zeros((0, CELLS), dtype=np.uint16),
     np.zeros(0),
     np.zeros(0),
     np.zeros((0, 0), dtype=np.bool_),
@@ -275,7 +277,7 @@ def _add_masked_table(
     first = rows[t]
     for j in range(max(0, -start), min(rows[t + 1] - first, band_rows - start)):
         across = (first_row[t] + j + 0.5 - half) / max(radius_y, _NO_LIGHT)
-        cell_row = min(max(math.floor((across + 1.0) / _CELL), 0), _CELLS - 1)
+        cell_row = min(max(math.floor((across + 1.0) / _CELL), 0), CELLS - 1)
         bits = int(cells[number, cell_row])
         cell = 0
         while bits >> cell != 0:
@@ -286,7 +288,7 @@ def _add_masked_table(
             while (bits >> cell) & 1 == 1:
                 cell += 1
             low = -_WIDE if begin == 0 else math.floor((begin * _CELL - 1.0) * radius_x + half + 0.5)
-            high = _WIDE if cell == _CELLS else math.floor((cell * _CELL - 1.0) * radius_x + half + 0.5)
+            high = _WIDE if cell == CELLS else math.floor((cell * _CELL - 1.0) * radius_x + half + 0.5)
             if low >= high:
                 continue
             for p in range(len(primaries)):
@@ -512,14 +514,14 @@ def _add_masked(
 ) -> None:
     """Add samples that share a table through their masks, cell by cell."""
     half = 0.5 * tables.mirror
-    edges = np.floor((np.arange(_CELLS + 1) * _CELL - 1.0) * masks.radius_x[t] + half + 0.5).astype(np.int64)
+    edges = np.floor((np.arange(CELLS + 1) * _CELL - 1.0) * masks.radius_x[t] + half + 0.5).astype(np.int64)
     edges[0], edges[-1] = -_WIDE, _WIDE
     for j in range(int(tables.rows[t + 1] - tables.rows[t])):
         across = (int(tables.first_row[t]) + j + 0.5 - half) / max(float(masks.radius_y[t]), _NO_LIGHT)
-        row_bits = cells[:, min(max(math.floor((across + 1.0) / _CELL), 0), _CELLS - 1)]
+        row_bits = cells[:, min(max(math.floor((across + 1.0) / _CELL), 0), CELLS - 1)]
         line = place + (int(tables.first_row[t]) + j) * stride
         offset, delta = _row_entries(tables, int(tables.rows[t]) + j)
-        for cell in range(_CELLS):
+        for cell in range(CELLS):
             lit = np.flatnonzero(row_bits >> cell & 1)
             low, high = edges[cell], edges[cell + 1]
             if lit.size == 0 or low >= high:

@@ -20,6 +20,7 @@ from .aperture import polygon_vertices
 from .fragments import Fragments
 from .lens import FloatArray, Lens
 from .samples import Float32Array
+from .scatter import CELLS
 
 Visibility = Literal["aperture", "none"]
 """``aperture`` decides what is hidden for each part of the aperture; ``none`` is the papers' eq. 22."""
@@ -27,9 +28,6 @@ Visibility = Literal["aperture", "none"]
 Mask = npt.NDArray[np.uint16]
 
 VISIBILITIES: Final[tuple[Visibility, ...]] = ("aperture", "none")
-
-CELLS: Final = 16
-"""Cells along each side of the square around the aperture; a row of them is a number of a mask."""
 
 _SPAN: Final = 2
 """Cells along each side of a square that one point decides for, but for bright samples."""
@@ -95,6 +93,11 @@ class ApertureCells:
     area: FloatArray
     stretch_x: float
     stretch_y: float
+
+    @property
+    def stretch(self) -> float:
+        """Larger semi-axis of the aperture's image over the radius along x."""
+        return max(self.stretch_x, self.stretch_y)
 
     def pinholes(self, span: int, turn: int = 0) -> Pinholes:
         """Return points through which to look, one in each square of cells.
@@ -224,7 +227,7 @@ def decide(
     # What lies behind, away from all edges, is not seen.
     share[1:] = 0.0
     number = np.full(coverage.shape, -1, dtype=np.int32)
-    stretch = max(cells.stretch_x, cells.stretch_y)
+    stretch = cells.stretch
     nearest, farthest = _surroundings(fragments, stretch)
     solid = coverage > 0.0
     hiding = np.flatnonzero(solid & (fragments.radius + _TOLERANCE < farthest))
