@@ -23,6 +23,10 @@ except Exception:  # a half-removed llvmlite raises OSError, a numpy mismatch Im
 
 HAVE_NUMBA: Final = numba is not None
 
+if HAVE_NUMBA:
+    # Off by default for the sake of old LLVMs. The scatter adds a pixel's channels with it at once.
+    numba.config.SLP_VECTORIZE = 1
+
 if TYPE_CHECKING:
     prange = range
 else:

@@ -11,12 +11,13 @@ import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
+from . import jit
 from .aperture import IntArray, RowDifferences, SamplePosition, ellipse_rows, polygon_rows, polygon_vertices
 from .camera import Film
 from .diffraction import lommel_intensity
@@ -390,6 +391,17 @@ class _DiscStack:
     shape_quadrant: tuple[int, int]
 
 
+@jit.kernel(parallel=True)
+def _even_then_grown(circle: Any, even_until: float, step: float, position: Any) -> None:
+    """Count steps up to each circle, in pixels; a logarithm for few of them."""
+    for number in jit.prange(circle.size):
+        k: Any = np.int64(number)
+        size = min(abs(circle[k]), _LARGEST_CIRCLE)
+        if size > even_until:
+            size = even_until * (1.0 + math.log(size / even_until))
+        position[k] = math.copysign(size, circle[k]) / step
+
+
 @dataclass(frozen=True, slots=True)
 class _EqualCircles:
     """Steps equal in the circle's diameter up to a size, then equal in its ratio.
@@ -412,6 +424,10 @@ class _EqualCircles:
 
     def index(self, depth: npt.NDArray[np.floating]) -> FloatArray:
         circle = circle_of_confusion(depth, self.builder.lens, self.builder.model) / self.scale
+        if jit.HAVE_NUMBA:
+            position = np.empty_like(circle)
+            _even_then_grown(circle.reshape(-1), self.even_until, self.step, position.reshape(-1))
+            return position
         size = np.minimum(np.abs(circle), _LARGEST_CIRCLE)
         with np.errstate(divide="ignore"):
             grown = self.even_until * (1.0 + np.log(size / self.even_until))

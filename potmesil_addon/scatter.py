@@ -81,6 +81,8 @@ _MOST_GAIN: Final = 2.0
 CELLS: Final = 16
 """Cells along each side of the square around a circle; a row of them is a number of a mask."""
 
+_ALL_CELLS: Final = (1 << CELLS) - 1
+
 _CELL: Final = 2.0 / CELLS
 """Side of a cell in radii."""
 
@@ -211,58 +213,93 @@ def _row_reach(work: Scatter) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int
         top = np.minimum(top, np.append(top[1:], top[-1]))
         bottom = np.maximum(bottom, np.append(bottom[1:], bottom[-1]))
     rows = np.arange(table.shape[1]) + work.origin[1]
-    return rows + top[table].min(axis=(0, 2)), rows + bottom[table].max(axis=(0, 2))
+    first, last = np.empty(rows.size, dtype=np.int64), np.empty(rows.size, dtype=np.int64)
+    _extremes(table, top, bottom, first, last)
+    return rows + first, rows + last
+
+
+@jit.kernel(parallel=True)
+def _extremes(table: Any, top: Any, bottom: Any, first: Any, last: Any) -> None:
+    """Find the least first and the largest last row of the tables in each row of samples."""
+    for number in jit.prange(table.shape[1]):
+        y: Any = np.int64(number)
+        least, most = top[table[0, y, 0]], bottom[table[0, y, 0]]
+        for sheet in range(table.shape[0]):
+            for x in range(table.shape[2]):
+                t = table[sheet, y, x]
+                least, most = min(least, top[t]), max(most, bottom[t])
+        first[y], last[y] = least, most
 
 
 @jit.kernel(inline=True)
 def _add(
-    total: Any, row: int, at: int, k: int, r: float, g: float, b: float, a: float, w: float,
+    total: Any, line: int, x: int, r: float, g: float, b: float, a: float, w: float,
     delta: Any, e: int, sign: float, primaries: tuple[int, ...],
 ) -> None:  # fmt: skip
-    """Add one entry of a table to the sums of one pixel, of which the first is `k`."""
+    """Add one entry of a table to the sums of one pixel of the line that begins at `line`.
+
+    What begins left of the frame has begun at its edge. All sums are read before one is written, and their
+    places have no sign, so that the compiler adds several channels with one instruction.
+    """
     d = sign * delta[e, 0]
+    i: Any = np.uint64(line + max(x, 0) * (4 + len(primaries)))
     if len(primaries) == 1:
-        total[row, at, k] += r * d
-        total[row, at, k + 1] += g * d
-        total[row, at, k + 2] += b * d
-        total[row, at, k + 3] += a * d
-        total[row, at, k + 4] += w * d
+        t0, t1 = total[i] + r * d, total[i + np.uint64(1)] + g * d
+        t2, t3 = total[i + np.uint64(2)] + b * d, total[i + np.uint64(3)] + a * d
+        t4 = total[i + np.uint64(4)] + w * d
+        total[i], total[i + np.uint64(1)] = t0, t1
+        total[i + np.uint64(2)], total[i + np.uint64(3)] = t2, t3
+        total[i + np.uint64(4)] = t4
     else:
         green, blue = sign * delta[e, 1], sign * delta[e, 2]
-        total[row, at, k] += r * d
-        total[row, at, k + 1] += g * green
-        total[row, at, k + 2] += b * blue
-        total[row, at, k + 3] += a * green
-        total[row, at, k + 4] += w * d
-        total[row, at, k + 5] += w * green
-        total[row, at, k + 6] += w * blue
+        t0, t1 = total[i] + r * d, total[i + np.uint64(1)] + g * green
+        t2, t3 = total[i + np.uint64(2)] + b * blue, total[i + np.uint64(3)] + a * green
+        t4, t5 = total[i + np.uint64(4)] + w * d, total[i + np.uint64(5)] + w * green
+        t6 = total[i + np.uint64(6)] + w * blue
+        total[i], total[i + np.uint64(1)] = t0, t1
+        total[i + np.uint64(2)], total[i + np.uint64(3)] = t2, t3
+        total[i + np.uint64(4)], total[i + np.uint64(5)] = t4, t5
+        total[i + np.uint64(6)] = t6
 
 
-@jit.kernel()
+@jit.kernel(inline=True)
+def _add_row(
+    total: Any, line: int, x: int, columns: int, r: float, g: float, b: float, a: float, w: float,
+    begin: int, end: int, offset: Any, delta: Any, symmetric: bool, mirror: int, primaries: tuple[int, ...],
+) -> None:  # fmt: skip
+    """Add the entries of a table's row to a line of sums; what begins right of it is not seen."""
+    for e in range(begin, end):
+        at = x + offset[e]
+        if at < columns:
+            _add(total, line, at, r, g, b, a, w, delta, e, 1.0, primaries)
+        if symmetric:
+            at = x + mirror - offset[e]
+            if at < columns:
+                _add(total, line, at, r, g, b, a, w, delta, e, -1.0, primaries)
+
+
+@jit.kernel(inline=True)
 def _add_table(
-    total: Any, k: int, t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
+    total: Any, plane: int, height: int, columns: int,
+    t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
     first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any,
     symmetric: bool, mirror: int, primaries: tuple[int, ...],
 ) -> None:  # fmt: skip
     """Add one sample through table `t` to a band of sums; `y` counts from the band's first row."""
-    band_rows, columns = total.shape[0], total.shape[1]
     start = y + first_row[t]
     first = rows[t]
-    for j in range(max(0, -start), min(rows[t + 1] - first, band_rows - start)):
-        for e in range(row_begin[first + j], row_end[first + j]):
-            # What begins left of the frame has begun at its edge; what begins right of it is not seen.
-            at = x + offset[e]
-            if at < columns:
-                _add(total, start + j, max(at, 0), k, r, g, b, a, w, delta, e, 1.0, primaries)
-            if symmetric:
-                at = x + mirror - offset[e]
-                if at < columns:
-                    _add(total, start + j, max(at, 0), k, r, g, b, a, w, delta, e, -1.0, primaries)
+    stride = columns * (4 + len(primaries))
+    for j in range(max(0, -start), min(rows[t + 1] - first, height - start)):
+        _add_row(
+            total, plane + (start + j) * stride, x, columns, r, g, b, a, w, row_begin[first + j],
+            row_end[first + j], offset, delta, symmetric, mirror, primaries,
+        )  # fmt: skip
 
 
-@jit.kernel()
+@jit.kernel(inline=True)
 def _add_masked_table(
-    total: Any, k: int, t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
+    total: Any, plane: int, height: int, columns: int,
+    t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
     first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any,
     symmetric: bool, mirror: int, primaries: tuple[int, ...],
     cells: Any, number: int, radius_x: float, radius_y: float, half: float, run: Any,
@@ -270,30 +307,38 @@ def _add_masked_table(
     """Add those parts of one sample's table that its mask lets through.
 
     Runs of cells in a row are cut out of the table's row: it opens with the value that it has at the run's
-    begin, follows the table, and closes at the run's end. `run` has room for one entry.
+    begin, follows the table, and closes at the run's end. `run` has room for two entries.
     """
-    band_rows, columns = total.shape[0], total.shape[1]
     start = y + first_row[t]
     first = rows[t]
-    for j in range(max(0, -start), min(rows[t + 1] - first, band_rows - start)):
+    stride = columns * (4 + len(primaries))
+    for j in range(max(0, -start), min(rows[t + 1] - first, height - start)):
         across = (first_row[t] + j + 0.5 - half) / max(radius_y, _NO_LIGHT)
         cell_row = min(max(math.floor((across + 1.0) / _CELL), 0), CELLS - 1)
         bits = int(cells[number, cell_row])
+        line = plane + (start + j) * stride
+        begin, end = row_begin[first + j], row_end[first + j]
+        if bits == _ALL_CELLS:
+            _add_row(
+                total, line, x, columns, r, g, b, a, w, begin, end, offset, delta, symmetric, mirror,
+                primaries,
+            )  # fmt: skip
+            continue
         cell = 0
         while bits >> cell != 0:
             if (bits >> cell) & 1 == 0:
                 cell += 1
                 continue
-            begin = cell
+            low = -_WIDE if cell == 0 else math.floor((cell * _CELL - 1.0) * radius_x + half + 0.5)
             while (bits >> cell) & 1 == 1:
                 cell += 1
-            low = -_WIDE if begin == 0 else math.floor((begin * _CELL - 1.0) * radius_x + half + 0.5)
             high = _WIDE if cell == CELLS else math.floor((cell * _CELL - 1.0) * radius_x + half + 0.5)
             if low >= high:
                 continue
             for p in range(len(primaries)):
-                run[:, p] = 0.0
-            for e in range(row_begin[first + j], row_end[first + j]):
+                run[0, p] = 0.0
+                run[1, p] = 0.0
+            for e in range(begin, end):
                 for side in range(2):
                     if side == 1 and not symmetric:
                         break
@@ -303,34 +348,14 @@ def _add_masked_table(
                         for p in range(len(primaries)):
                             run[0, p] += sign * delta[e, p]
                     elif at < high and x + at < columns:
-                        _add(total, start + j, max(x + at, 0), k, r, g, b, a, w, delta, e, sign, primaries)
+                        _add(total, line, x + at, r, g, b, a, w, delta, e, sign, primaries)
                     if at < high:
                         for p in range(len(primaries)):
                             run[1, p] += sign * delta[e, p]
             if x + low < columns and low > -_WIDE:
-                _add(total, start + j, max(x + low, 0), k, r, g, b, a, w, run, 0, 1.0, primaries)
+                _add(total, line, x + low, r, g, b, a, w, run, 0, 1.0, primaries)
             if x + high < columns and high < _WIDE:
-                _add(total, start + j, max(x + high, 0), k, r, g, b, a, w, run, 1, -1.0, primaries)
-
-
-@jit.kernel()
-def _add_sample(
-    total: Any, k: int, t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
-    first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any,
-    symmetric: bool, mirror: int, primaries: tuple[int, ...], masks: Any, number: int, run: Any,
-) -> None:  # fmt: skip
-    """Add one sample through a table to a band of sums, through its mask where it has one."""
-    if number < 0:
-        _add_table(
-            total, k, t, x, y, r, g, b, a, w, first_row, rows, row_begin, row_end, offset, delta, symmetric,
-            mirror, primaries,
-        )  # fmt: skip
-    else:
-        half = 0.5 * mirror
-        _add_masked_table(
-            total, k, t, x, y, r, g, b, a, w, first_row, rows, row_begin, row_end, offset, delta, symmetric,
-            mirror, primaries, masks.cells, number, masks.radius_x[t], masks.radius_y[t], half, run,
-        )  # fmt: skip
+                _add(total, line, x + high, r, g, b, a, w, run, 1, -1.0, primaries)
 
 
 @jit.kernel(parallel=True)
@@ -353,7 +378,9 @@ def _scatter_bands(
     for band in jit.prange(first_band, end_band):
         top = band * BAND_ROWS
         bottom = min(top + BAND_ROWS, height)
-        total = np.zeros((bottom - top, columns, 3 * channels if masked else channels))
+        # Planes of whole, partly hidden, and hidden samples behind the focus: most need only the first.
+        size = (bottom - top) * columns * channels
+        total = np.zeros(3 * size if masked else size)
         run = np.zeros((2, len(primaries)))
         for row in range(color.shape[1]):
             if last_reached[row] < top or first_reached[row] >= bottom:
@@ -365,42 +392,44 @@ def _scatter_bands(
                     if whole == 0.0:
                         continue
                     x = column + origin_x
-                    t = table[sheet, row, column]
                     number = masks.number[sheet, row, column] if masked else -1
-                    k = channels * masks.group[sheet, row, column] if masked else 0
+                    plane = size * masks.group[sheet, row, column] if masked else 0
                     after = float(fraction[sheet, row, column]) if interpolated else 0.0
-                    # In single precision, so that times a table's entry the product is exact.
-                    w: Any = np.float32(whole * (1.0 - after))
-                    r, g = color[sheet, row, column, 0] * w, color[sheet, row, column, 1] * w
-                    b, a = color[sheet, row, column, 2] * w, color[sheet, row, column, 3] * w
-                    _add_sample(
-                        total, k, t, x, y, r, g, b, a, w, first_row, rows, row_begin, row_end, offset, delta,
-                        symmetric, mirror, primaries, masks, number, run,
-                    )  # fmt: skip
-                    if after > 0.0:
-                        w = np.float32(whole * after)
+                    for further in range(2 if after > 0.0 else 1):
+                        t = table[sheet, row, column] + further
+                        # In single precision, so that times a table's entry the product is exact.
+                        w: Any = np.float32(whole * (after if further == 1 else 1.0 - after))
                         r, g = color[sheet, row, column, 0] * w, color[sheet, row, column, 1] * w
                         b, a = color[sheet, row, column, 2] * w, color[sheet, row, column, 3] * w
-                        _add_sample(
-                            total, k, t + 1, x, y, r, g, b, a, w, first_row, rows, row_begin, row_end, offset,
-                            delta, symmetric, mirror, primaries, masks, number, run,
-                        )  # fmt: skip
+                        if number < 0:
+                            _add_table(
+                                total, plane, bottom - top, columns, t, x, y, r, g, b, a, w, first_row, rows,
+                                row_begin, row_end, offset, delta, symmetric, mirror, primaries,
+                            )  # fmt: skip
+                        else:
+                            _add_masked_table(
+                                total, plane, bottom - top, columns, t, x, y, r, g, b, a, w, first_row, rows,
+                                row_begin, row_end, offset, delta, symmetric, mirror, primaries,
+                                masks.cells, number, masks.radius_x[t], masks.radius_y[t], 0.5 * mirror, run,
+                            )  # fmt: skip
         for row in range(bottom - top):
-            for column in range(1, columns):
-                for c in range(total.shape[2]):
-                    total[row, column, c] += total[row, column - 1, c]
+            line = row * columns * channels
+            for first in range(line, total.size, size):
+                for i in range(first + channels, first + columns * channels):
+                    total[i] += total[i - channels]
             for column in range(columns):
                 behind = masked and not masks.sharp[top + row, column]
+                i = line + column * channels
                 for c in range(4):
                     at = 4
                     if len(primaries) == 3 and c > 0:
                         at = 6 if c == 2 else 5
-                    light, below = total[row, column, c], total[row, column, at]
+                    light, below = total[i + c], total[i + at]
                     if masked:
-                        more, partly = total[row, column, channels + c], total[row, column, channels + at]
+                        more, partly = total[size + i + c], total[size + i + at]
                         if behind:
-                            more += total[row, column, 2 * channels + c]
-                            partly += total[row, column, 2 * channels + at]
+                            more += total[2 * size + i + c]
+                            partly += total[2 * size + i + at]
                         gain = _gain(below, partly)
                         light, below = light + gain * more, below + gain * partly
                     output[top + row, column, c] = light / below if below > _NO_LIGHT else 0.0

@@ -42,7 +42,18 @@ _LARGE: Final = 6.0
 """Radius in pixels of such a sample's circle from which a cell shows."""
 
 _TILE: Final = 16
-"""Pixels along each side of the squares in which it is found out whether anything can be hidden."""
+"""Pixels along each side of the squares in which it is found out how far the lens looks past edges."""
+
+_LEVEL_X: Final = 0.7548776662466927
+_LEVEL_Y: Final = 0.5698402909980532
+"""Steps of the level from pixel to pixel: neighbours, and pixels along any line, have levels far apart."""
+
+_CHUNK: Final = 512
+"""Fragments at a time that are placed, which the compiler does for several at once, and then drawn."""
+
+_WIDTHS: Final = 1.24
+"""Pixels by which the middles of two fragments may be apart that meet: half the widths of both and a little
+more for slanted ones. Less than 1 and the tolerance, or all neighbours on one surface would count."""
 
 MOST_RADIUS: Final = 4096.0
 """Radius in pixels past which a circle counts as no larger."""
@@ -50,6 +61,9 @@ MOST_RADIUS: Final = 4096.0
 _STRIDE: Final = 7
 """Step through the cells of a square from one turn to the next; it has no factor in common with their
 number."""
+
+_ROUNDING: Final = 1e-9
+"""Share of the aperture that is none."""
 
 _TOLERANCE: Final = 0.25
 """Pixels of radius by which surfaces may differ without one hiding the other."""
@@ -227,34 +241,29 @@ def decide(
     # What lies behind, away from all edges, is not seen.
     share[1:] = 0.0
     number = np.full(coverage.shape, -1, dtype=np.int32)
-    stretch = cells.stretch
-    nearest, farthest = _surroundings(fragments, stretch)
-    solid = coverage > 0.0
-    hiding = np.flatnonzero(solid & (fragments.radius + _TOLERANCE < farthest))
-    # Along a surface without edges nothing is hidden, however far what is nearest reaches.
-    away = ndimage.distance_transform_cdt(fragments.reach == 0.0, metric="chessboard")
-    beyond = (fragments.radius - nearest) * stretch + 1.0
-    hidden = np.flatnonzero(solid & (fragments.radius - _TOLERANCE > nearest) & (away <= beyond))
-    mask = np.zeros((hidden.size, CELLS), dtype=np.uint16)
+    hidden, hiding = _to_decide(fragments, cells.stretch)
     if hidden.size == 0 or hiding.size == 0:
-        return Seen(share, number, mask)
-    test = _test_cells if compiled else _test_cells_numpy
-    rows, columns = coverage.shape[1:]
+        return Seen(share, number, np.zeros((0, CELLS), dtype=np.uint16))
     before, behind = _taken(fragments, hiding), _taken(fragments, hidden)
+    shape = coverage.shape[1:]
     pinholes = cells.pinholes(_SPAN) if turn is None else cells.pinholes(2 * _SPAN, turn)
-    test(before, behind, pinholes, rows, columns, mask)
-    seen = _shares(mask, behind.radius, cells.area)
+    squares = _squares_seen(before, behind, pinholes, shape, compiled)
+    seen = _shares(squares, cells.area, pinholes.span)
+    partly = np.flatnonzero((seen > 0.0) & (seen < 1.0))
+    mask = _masks(squares[:, partly], behind.radius[partly], pinholes.span)
     if turn is None:
-        bright = np.flatnonzero((seen > 0.0) & (seen < 1.0) & _shows_its_shape(fragments, hidden))
+        bright = np.flatnonzero(_shows_its_shape(fragments, hidden[partly]))
         if bright.size:
-            finer = np.zeros((bright.size, CELLS), dtype=np.uint16)
-            test(before, _some(behind, bright), cells.pinholes(1), rows, columns, finer)
-            mask[bright] = finer
-            seen[bright] = _shares(finer, behind.radius[bright], cells.area)
-    partly = (seen > 0.0) & (seen < 1.0)
+            which, pinholes = partly[bright], cells.pinholes(1)
+            before = _taken(fragments, _hiding(fragments, hidden[which], cells.stretch))
+            squares = _squares_seen(before, _some(behind, which), pinholes, shape, compiled)
+            seen[which] = _shares(squares, cells.area, pinholes.span)
+            mask[bright] = _masks(squares, behind.radius[which], pinholes.span)
+            still = (seen[partly] > 0.0) & (seen[partly] < 1.0)
+            partly, mask = partly[still], mask[still]
     share.reshape(-1)[hidden] = seen
-    number.reshape(-1)[hidden[partly]] = np.arange(np.count_nonzero(partly), dtype=np.int32)
-    return Seen(share, number, mask[partly])
+    number.reshape(-1)[hidden[partly]] = np.arange(partly.size, dtype=np.int32)
+    return Seen(share, number, mask)
 
 
 def _shows_its_shape(fragments: Fragments, which: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
@@ -266,7 +275,11 @@ def _shows_its_shape(fragments: Fragments, which: npt.NDArray[np.int64]) -> npt.
 
 
 class _Points(NamedTuple):
-    """Fragments in a row: where and how they lie, and the least radius before them that hides nothing."""
+    """Fragments in a row, as the kernels read them.
+
+    `level` is where a fragment that covers a part of a pixel begins to choose among the points of the
+    aperture, `visible_to` the least radius before it that hides nothing.
+    """
 
     x: Float32Array
     y: Float32Array
@@ -274,6 +287,7 @@ class _Points(NamedTuple):
     slope_x: Float32Array
     slope_y: Float32Array
     coverage: Float32Array
+    level: Float32Array
     visible_to: Float32Array
 
 
@@ -293,31 +307,95 @@ def _taken(fragments: Fragments, which: npt.NDArray[np.int64]) -> _Points:
         np.ascontiguousarray(slope[:, 0]),
         np.ascontiguousarray(slope[:, 1]),
         fragments.coverage.reshape(-1)[which],
+        ((_LEVEL_X * x + _LEVEL_Y * y) % 1.0).astype(np.float32),
         radius - np.float32(_TOLERANCE) - np.abs(slope).sum(axis=1),
     )
 
 
-def _surroundings(fragments: Fragments, stretch: float) -> tuple[Float32Array, Float32Array]:
-    """Return the least and the largest radius near each pixel, as far as edges there are felt.
+def _to_decide(fragments: Fragments, stretch: float) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return which fragments something may hide in parts, and which may hide them.
 
-    Where none is felt it is the other way round: nothing is nearer than the one or farther than the other.
+    A surface of radius r hides one of R from a point of the aperture only if they are no farther apart than
+    R - r: a cone stands over each, and only what it covers can matter.
     """
-    rows, columns = fragments.reach.shape
-    down, across = -(-rows // _TILE), -(-columns // _TILE)
-    reach = _in_tiles(fragments.reach, 0.0, down, across).max(axis=(1, 3)) * stretch
     solid = fragments.coverage > 0.0
-    low = np.where(solid, fragments.radius, np.float32(np.inf)).min(axis=0)
-    high = np.where(solid, fragments.radius, np.float32(-np.inf)).max(axis=0)
-    low = _in_tiles(low, np.inf, down, across).min(axis=(1, 3))
-    high = _in_tiles(high, -np.inf, down, across).max(axis=(1, 3))
-    nearest = np.full((down, across), np.float32(np.inf))
-    farthest = np.full((down, across), np.float32(-np.inf))
-    _spread_tiles(reach, low, high, nearest, farthest)
+    near = np.where(solid, fragments.radius, np.float32(np.inf)).min(axis=0)
+    # Along a surface without edges nothing is hidden, and what lies behind it is not seen.
+    away = ndimage.distance_transform_cdt(fragments.reach == 0.0, metric="chessboard")
+    lowest = _lowest_around(fragments.reach * np.float32(stretch), near)
+    may_be = solid & (away <= (fragments.radius - lowest) * np.float32(stretch) + np.float32(1.0))
+    least = -_beside(_cones(-near * np.float32(stretch)))
+    may_be[0] &= _visible_to(fragments)[0] * np.float32(stretch) + np.float32(_WIDTHS) >= least
+    hidden = np.flatnonzero(may_be)
+    return hidden, _hiding(fragments, hidden, stretch)
 
-    def pixels(tiles: Float32Array) -> Float32Array:
-        return np.repeat(np.repeat(tiles, _TILE, axis=0), _TILE, axis=1)[:rows, :columns]
 
-    return pixels(nearest), pixels(farthest)
+def _hiding(fragments: Fragments, hidden: npt.NDArray[np.int64], stretch: float) -> npt.NDArray[np.int64]:
+    """Return which fragments may hide some of those given."""
+    limit = np.full(fragments.radius.shape, np.float32(-np.inf))
+    limit.reshape(-1)[hidden] = _visible_to(fragments).reshape(-1)[hidden]
+    far = limit.max(axis=0)
+    most = _beside(_cones(far * np.float32(stretch))) + np.float32(_WIDTHS)
+    before = (fragments.radius * np.float32(stretch) <= most) | (fragments.radius < far)
+    return np.flatnonzero((fragments.coverage > 0.0) & before)
+
+
+def _visible_to(fragments: Fragments) -> Float32Array:
+    """Return the least radius before each fragment that hides nothing."""
+    slope = np.abs(fragments.slope[..., 0]) + np.abs(fragments.slope[..., 1])
+    return np.asarray(fragments.radius - np.float32(_TOLERANCE) - slope)
+
+
+def _cones(peaks: Float32Array) -> Float32Array:
+    """Return how high the highest cone is over each pixel; they fall by 1 for each pixel from their peaks."""
+    heights = peaks.copy()
+    _fall(heights)
+    _fall(heights[::-1, ::-1])
+    return heights
+
+
+@jit.kernel()
+def _fall(heights: Any) -> None:
+    """Let cones fall to the right and down; across corners as far as along lines."""
+    rows, columns = heights.shape
+    one = np.float32(1.0)
+    for y in range(rows):
+        if y > 0:
+            for x in range(columns):
+                above = heights[y - 1, x]
+                if x > 0:
+                    above = max(above, heights[y - 1, x - 1])
+                if x < columns - 1:
+                    above = max(above, heights[y - 1, x + 1])
+                heights[y, x] = max(heights[y, x], above - one)
+        before = heights[y, 0]
+        for x in range(1, columns):
+            before = max(heights[y, x], before - one)
+            heights[y, x] = before
+
+
+def _beside(heights: Float32Array) -> Float32Array:
+    """Return how high the cones that stand over other pixels are."""
+    rows, columns = heights.shape
+    around = np.pad(heights, 1, constant_values=-np.inf)
+    highest = np.full((rows, columns), np.float32(-np.inf))
+    for j, i in np.ndindex(3, 3):
+        if (j, i) != (1, 1):
+            np.maximum(highest, around[j : j + rows, i : i + columns], out=highest)
+    return highest - np.float32(1.0)
+
+
+def _lowest_around(reach: Float32Array, radius: Float32Array) -> Float32Array:
+    """Return the least radius near each pixel, as far as edges there are felt; ``inf`` where none is."""
+    rows, columns = reach.shape
+    down, across = -(-rows // _TILE), -(-columns // _TILE)
+    tiles = np.full((down, across), np.float32(np.inf))
+    _spread_tiles(
+        _in_tiles(reach, 0.0, down, across).max(axis=(1, 3)),
+        _in_tiles(radius, np.inf, down, across).min(axis=(1, 3)),
+        tiles,
+    )
+    return np.repeat(np.repeat(tiles, _TILE, axis=0), _TILE, axis=1)[:rows, :columns]
 
 
 def _in_tiles(values: Float32Array, beyond: float, down: int, across: int) -> Float32Array:
@@ -327,114 +405,136 @@ def _in_tiles(values: Float32Array, beyond: float, down: int, across: int) -> Fl
 
 
 @jit.kernel()
-def _spread_tiles(reach: Any, low: Any, high: Any, nearest: Any, farthest: Any) -> None:
+def _spread_tiles(reach: Any, radius: Any, lowest: Any) -> None:
     down, across = reach.shape
     for v in range(down):
         for u in range(across):
             if reach[v, u] <= 0.0:
                 continue
             tiles = int((reach[v, u] + 1.0) // _TILE) + 1
-            least, most = low[v, u], high[v, u]
+            least = radius[v, u]
             for j in range(max(0, v - tiles), min(down, v + tiles + 1)):
                 for i in range(max(0, u - tiles), min(across, u + tiles + 1)):
-                    least, most = min(least, low[j, i]), max(most, high[j, i])
+                    least = min(least, radius[j, i])
             for j in range(max(0, v - tiles), min(down, v + tiles + 1)):
                 for i in range(max(0, u - tiles), min(across, u + tiles + 1)):
-                    nearest[j, i] = min(nearest[j, i], least)
-            # What is hidden this far from the edge may be looked for as far again from there.
-            tiles *= 2
-            for j in range(max(0, v - tiles), min(down, v + tiles + 1)):
-                for i in range(max(0, u - tiles), min(across, u + tiles + 1)):
-                    farthest[j, i] = max(farthest[j, i], most)
+                    lowest[j, i] = min(lowest[j, i], least)
+
+
+def _squares_seen(
+    hiding: _Points, hidden: _Points, pinholes: Pinholes, shape: tuple[int, ...], compiled: bool
+) -> Mask:
+    """Return which squares of the aperture see hidden fragments: (rows of squares, fragments), a bit each."""
+    squares = np.zeros((pinholes.used.shape[0], hidden.radius.size), dtype=np.uint16)
+    look = _look if compiled else _look_numpy
+    look(hiding, hidden, pinholes, shape[0], shape[1], squares)
+    return squares
 
 
 @jit.kernel(parallel=True)
-def _test_cells(
-    hiding: _Points, hidden: _Points, pinholes: Pinholes, rows: int, columns: int, mask: Any
+def _look(
+    hiding: _Points, hidden: _Points, pinholes: Pinholes, rows: int, columns: int, squares: Any
 ) -> None:
     """Draw fragments through each point of the aperture, and note which of those behind are seen.
 
-    A row of points is one thread's work. It owns the masks' numbers of each of its rows of cells, or for
-    fragments before the focus, whose image stands on its head, of the rows opposite.
+    A row of points is one thread's work.
     """
     for number in jit.prange(pinholes.used.shape[0]):
         row: Any = np.int64(number)
-        nearest = np.empty(rows * columns, dtype=np.float32)
+        # The last place takes what lies outside.
+        nearest = np.empty(rows * columns + 1, dtype=np.float32)
+        place = np.empty(_CHUNK, dtype=np.uint32)
         for column in range(pinholes.used.shape[1]):
             if not pinholes.used[row, column]:
                 continue
             nearest[:] = np.float32(np.inf)
             ax, ay = np.float32(pinholes.x[row, column]), np.float32(pinholes.y[row, column])
-            _draw(hiding, ax, ay, _dither(row, column), nearest, rows, columns)
-            _test(hidden, ax, ay, nearest, rows, columns, mask, row, column, pinholes.span)
+            _draw(hiding, ax, ay, np.float32(_dither(row, column)), nearest, rows, columns, place)
+            nearest[rows * columns] = np.float32(np.inf)
+            _test(hidden, ax, ay, nearest, rows, columns, squares, row, np.uint16(1 << column), place)
 
 
 @jit.kernel(inline=True)
 def _dither(row: Any, column: Any) -> Any:
     """Return where a point of the aperture begins to choose among partly covered pixels."""
-    return 0.5 + 0.6180339887498949 * (row * CELLS + column)
+    return (0.5 + 0.6180339887498949 * (row * CELLS + column)) % 1.0
 
 
 @jit.kernel()
-def _draw(points: _Points, ax: Any, ay: Any, dither: float, nearest: Any, rows: int, columns: int) -> None:
-    """Draw fragments through a point of the aperture, each as large as its surface looks from there."""
+def _draw(
+    points: _Points, ax: Any, ay: Any, dither: Any, nearest: Any, rows: int, columns: int, place: Any
+) -> None:
+    """Draw fragments through a point of the aperture, each as large as its surface looks from there.
+
+    Almost always that is one pixel: surfaces hardly grow or shrink from one point of the aperture to another.
+    """
     half = np.float32(0.5)
-    for k in range(points.radius.size):
-        if points.coverage[k] < 1.0:
-            level = dither + 0.7548776662466927 * points.x[k] + 0.5698402909980532 * points.y[k]
-            if level - math.floor(level) >= points.coverage[k]:
+    x, y, radius, level = points.x, points.y, points.radius, points.level
+    slope_x, slope_y, coverage = points.slope_x, points.slope_y, points.coverage
+    end_x, end_y = np.int32(columns), np.int32(rows)
+    outside = np.uint32(rows * columns)
+    for first in range(0, radius.size, _CHUNK):
+        count = min(_CHUNK, radius.size - first)
+        # Without branches and in 32 bits, which the compiler turns into instructions for many at once.
+        for i in range(count):
+            k = first + i
+            at_x, at_y = x[k] + radius[k] * ax, y[k] + radius[k] * ay
+            half_x, half_y = half + half * slope_x[k] * ax, half + half * slope_y[k] * ay
+            u, v = np.int32(np.ceil(at_x - half_x)), np.int32(np.ceil(at_y - half_y))
+            across, down = np.int32(np.ceil(at_x + half_x)) - u, np.int32(np.ceil(at_y + half_y)) - v
+            chosen = level[k] + dither
+            there = (chosen - np.floor(chosen) < coverage[k]) & (across >= 1) & (down >= 1)
+            inside = (u >= 0) & (u < end_x) & (v >= 0) & (v < end_y)
+            single = (across == 1) & (down == 1)
+            place[i] = (np.uint32(v * end_x + u) if inside else outside) if there & single else outside
+            place[i] += np.uint32(1) if there & (not single) else np.uint32(0)
+        for i in range(count):
+            k = first + i
+            if place[i] <= outside:
+                nearest[place[i]] = min(nearest[place[i]], radius[k])
                 continue
-        radius = points.radius[k]
-        at_x, at_y = points.x[k] + radius * ax, points.y[k] + radius * ay
-        half_x = half + half * points.slope_x[k] * ax
-        half_y = half + half * points.slope_y[k] * ay
-        u, v = math.ceil(at_x - half_x), math.ceil(at_y - half_y)
-        # Almost always one pixel: surfaces hardly grow or shrink from one point of the aperture to another.
-        while v < at_y + half_y:
-            if 0 <= v < rows:
-                i = u
-                while i < at_x + half_x:
-                    if 0 <= i < columns:
-                        nearest[v * columns + i] = min(nearest[v * columns + i], radius)
-                    i += 1
-            v += 1
+            at_x, at_y = x[k] + radius[k] * ax, y[k] + radius[k] * ay
+            half_x, half_y = half + half * slope_x[k] * ax, half + half * slope_y[k] * ay
+            u, v = math.ceil(at_x - half_x), math.ceil(at_y - half_y)
+            u_end, v_end = math.ceil(at_x + half_x), math.ceil(at_y + half_y)
+            for q in range(max(v, 0), min(v_end, rows)):
+                for p in range(max(u, 0), min(u_end, columns)):
+                    nearest[q * columns + p] = min(nearest[q * columns + p], radius[k])
 
 
 @jit.kernel()
 def _test(
     points: _Points, ax: Any, ay: Any, nearest: Any, rows: int, columns: int,
-    mask: Any, row: Any, column: Any, span: int,
+    squares: Any, row: Any, bit: Any, place: Any,
 ) -> None:  # fmt: skip
-    """Note in the masks which fragments nothing hides from a point of the aperture."""
-    bits = np.uint16(((1 << span) - 1) << (column * span))
-    opposite = np.uint16(((1 << span) - 1) << (CELLS - (column + 1) * span))
+    """Note which fragments nothing hides from a point of the aperture."""
     half = np.float32(0.5)
-    for k in range(points.radius.size):
-        radius = points.radius[k]
-        u = math.floor(points.x[k] + radius * ax + half)
-        v = math.floor(points.y[k] + radius * ay + half)
-        if 0 <= u < columns and 0 <= v < rows:
-            if points.visible_to[k] > nearest[v * columns + u]:
-                continue
-        for j in range(row * span, (row + 1) * span):
-            if radius < 0.0:
-                mask[k, CELLS - 1 - j] |= opposite
-            else:
-                mask[k, j] |= bits
+    x, y, radius, visible_to = points.x, points.y, points.radius, points.visible_to
+    end_x, end_y = np.int32(columns), np.int32(rows)
+    outside = np.uint32(rows * columns)
+    for first in range(0, radius.size, _CHUNK):
+        count = min(_CHUNK, radius.size - first)
+        for i in range(count):
+            k = first + i
+            u = np.int32(np.floor(x[k] + radius[k] * ax + half))
+            v = np.int32(np.floor(y[k] + radius[k] * ay + half))
+            inside = (u >= 0) & (u < end_x) & (v >= 0) & (v < end_y)
+            place[i] = np.uint32(v * end_x + u) if inside else outside
+        for i in range(count):
+            k = first + i
+            squares[row, k] |= bit if visible_to[k] <= nearest[place[i]] else np.uint16(0)
 
 
-def _test_cells_numpy(
-    hiding: _Points, hidden: _Points, pinholes: Pinholes, rows: int, columns: int, mask: Mask
+def _look_numpy(
+    hiding: _Points, hidden: _Points, pinholes: Pinholes, rows: int, columns: int, squares: Mask
 ) -> None:
     """Do the same, all fragments at once for one point of the aperture after the other."""
     half = np.float32(0.5)
-    span = pinholes.span
     for row, column in np.argwhere(pinholes.used):
         ax, ay = np.float32(pinholes.x[row, column]), np.float32(pinholes.y[row, column])
         nearest = np.full(rows * columns, np.float32(np.inf))
-        level = _dither(row, column) + 0.7548776662466927 * hiding.x + 0.5698402909980532 * hiding.y
-        there = (hiding.coverage == 1.0) | (level - np.floor(level) < hiding.coverage)
-        p = _some(hiding, np.flatnonzero(there))
+        chosen = hiding.level + np.float32(_dither(row, column))
+        p = _some(hiding, np.flatnonzero(chosen - np.floor(chosen) < hiding.coverage))
         at_x, at_y = p.x + p.radius * ax, p.y + p.radius * ay
         half_x, half_y = half + half * p.slope_x * ax, half + half * p.slope_y * ay
         first_x, end_x = np.ceil(at_x - half_x).astype(np.int64), np.ceil(at_x + half_x).astype(np.int64)
@@ -449,35 +549,52 @@ def _test_cells_numpy(
         inside = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
         before = np.full(hidden.radius.size, np.float32(np.inf))
         before[inside] = nearest[v[inside] * columns + u[inside]]
-        seen = hidden.visible_to <= before
-        near = hidden.radius < 0.0
-        bits = ((1 << span) - 1) << (int(column) * span)
-        opposite = ((1 << span) - 1) << (CELLS - (int(column) + 1) * span)
-        for j in range(row * span, (row + 1) * span):
-            mask[seen & near, CELLS - 1 - j] |= np.uint16(opposite)
-            mask[seen & ~near, j] |= np.uint16(bits)
+        squares[row, hidden.visible_to <= before] |= np.uint16(1 << int(column))
 
 
 @jit.kernel(parallel=True)
-def _add_shares(mask: Any, radius: Any, area: Any, share: Any) -> None:
-    """Add up the areas of the cells that masks let light through."""
+def _add_shares(squares: Any, area: Any, share: Any) -> None:
+    """Add up the areas of the squares that see each fragment."""
+    chunks = -(-share.size // _CHUNK)
+    for number in jit.prange(chunks):
+        chunk: Any = np.int64(number)
+        first = chunk * _CHUNK
+        end = min(first + _CHUNK, share.size)
+        for row in range(area.shape[0]):
+            for column in range(area.shape[1]):
+                part = area[row, column]
+                for k in range(first, end):
+                    share[k] += part if (squares[row, k] >> column) & 1 == 1 else 0.0
+
+
+def _shares(squares: Mask, area: FloatArray, span: int) -> Float32Array:
+    """Return the share of the aperture that sees each fragment."""
+    count = CELLS // span
+    share = np.zeros(squares.shape[1])
+    _add_shares(squares, area.reshape(count, span, count, span).sum(axis=(1, 3)), share)
+    # Sums of the same areas in another order.
+    share[share > 1.0 - _ROUNDING] = 1.0
+    return share.astype(np.float32)
+
+
+@jit.kernel(parallel=True)
+def _spread_squares(squares: Any, radius: Any, span: int, mask: Any) -> None:
+    """Set the bits of the cells of each square, for circles that stand on their heads of those opposite."""
+    all_ = (1 << span) - 1
     for number in jit.prange(radius.size):
         k: Any = np.int64(number)
-        total = 0.0
-        for row in range(CELLS):
-            bits = int(mask[k, row])
-            own = CELLS - 1 - row if radius[k] < 0.0 else row
-            column = 0
-            while bits >> column != 0:
-                if (bits >> column) & 1 == 1:
-                    total += area[own, CELLS - 1 - column if radius[k] < 0.0 else column]
-                column += 1
-        # Sums of the same areas in another order.
-        share[k] = 1.0 if total > 1.0 - 1e-9 else total
+        for row in range(squares.shape[0]):
+            bits = 0
+            for column in range(squares.shape[0]):
+                if (int(squares[row, k]) >> column) & 1 == 1:
+                    at = column * span if radius[k] >= 0.0 else CELLS - (column + 1) * span
+                    bits |= all_ << at
+            for j in range(row * span, (row + 1) * span):
+                mask[k, j if radius[k] >= 0.0 else CELLS - 1 - j] = bits
 
 
-def _shares(mask: Mask, radius: Float32Array, area: FloatArray) -> Float32Array:
-    """Return the share of the aperture that masks let through."""
-    share = np.zeros(radius.size, dtype=np.float32)
-    _add_shares(mask, radius, area, share)
-    return share
+def _masks(squares: Mask, radius: Float32Array, span: int) -> Mask:
+    """Return the masks of fragments over their circles."""
+    mask = np.zeros((radius.size, CELLS), dtype=np.uint16)
+    _spread_squares(squares, radius, span, mask)
+    return mask
