@@ -24,6 +24,12 @@ from .scene import rendered_objects, scene_facts
 
 RENDER_RESULT = "Render Result"
 
+_COVERING_ENGINES = ("CYCLES", "BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")
+"""Engines whose Cryptomatte weighs what a pixel shows as its colour does; EEVEE has two names."""
+
+_CRYPTOMATTE_RANKS = 4
+"""Objects in a pixel whose coverages are told apart."""
+
 _MOTION_SHARE = 0.1
 """Share of the export's progress for following what moves; the rest is rendering."""
 
@@ -59,6 +65,9 @@ def borrow_for_render(borrowed: Borrowed, scene: bpy.types.Scene) -> None:
             borrowed.set(layer, "use_pass_z", True)
             borrowed.set(layer, "use_pass_vector", True)
             borrowed.set(layer, "use_pass_object_index", True)
+            if uses_coverages(scene) and not layer.use_pass_cryptomatte_object:
+                borrowed.set(layer, "use_pass_cryptomatte_object", True)
+                borrowed.set(layer, "pass_cryptomatte_depth", _CRYPTOMATTE_RANKS)
     borrow_sampling(borrowed, scene)
 
 
@@ -164,6 +173,17 @@ def export_samples(
             filters = {"pixel_variance": pixel_variance, "sample_variance": sample_variance}
             attributes["potmesil:filter"] = json.dumps(filters)
         exr.annotate(rendered, path, attributes, companions, margins)
+
+
+def uses_coverages(scene: bpy.types.Scene) -> bool:
+    """Return whether the lens needs to know how much of each pixel is whose, and the engine tells it.
+
+    Point samples show one surface each.
+    """
+    own = scene.potmesil_camera
+    if not (own.use_lens and own.visibility == "aperture") or scene.render.engine not in _COVERING_ENGINES:
+        return False
+    return bool(own.sampling != "POINTS" or supersampling(scene) == 1)
 
 
 def uses_hidden_surfaces(scene: bpy.types.Scene) -> bool:

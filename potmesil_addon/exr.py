@@ -29,9 +29,18 @@ from .camera import Camera, Film, without_scale
 from .errors import InputError, SettingsError
 from .files import whole_file
 from .lens import FloatArray, Lens
-from .passes import FORWARD, ChannelName, parse_channel
+from .passes import CRYPTOMATTES, FORWARD, MAX_LEVELS, ChannelName, parse_channel
 from .paths import MotionPaths
-from .samples import Float32Array, LensAttributes, PixelFilter, SampleLayer, Samples, Window, repair
+from .samples import (
+    Cryptomatte,
+    Float32Array,
+    LensAttributes,
+    PixelFilter,
+    SampleLayer,
+    Samples,
+    Window,
+    repair,
+)
 from .shutter import ShutterAttributes, attributes_from_json, attributes_to_json
 
 MAX_PIXELS: Final = 1 << 28
@@ -488,9 +497,21 @@ def _layer_channels(raw: RawFile) -> dict[str, dict[tuple[str, int], Channel]]:
             key = (channel.parsed.name, channel.parsed.component)
             sets.setdefault(channel.parsed.layer, {}).setdefault(key, channel)
     return {
-        name: channels
+        name: _with_fitting_cryptomatte(channels)
         for name, channels in sets.items()
         if all(("combined", component) in channels for component in range(3))
+    }
+
+
+def _with_fitting_cryptomatte(
+    channels: dict[tuple[str, int], Channel],
+) -> dict[tuple[str, int], Channel]:
+    """Return a layer's channels but for Cryptomattes with other pixels than its colours: they only help."""
+    window = channels["combined", 0].window
+    return {
+        (name, component): channel
+        for (name, component), channel in channels.items()
+        if name not in CRYPTOMATTES or channel.window == window
     }
 
 
@@ -605,7 +626,32 @@ def _build_layer(
                 forward = channel.full_name.rpartition(".")[2] in FORWARD
                 vector[..., component] = -channel.pixels if forward else channel.pixels
         _count(repaired, "vector", repair(vector, np.asarray(~np.isfinite(vector).all(axis=2))))
-    return SampleLayer(name, color, depth, index, vector)
+    return SampleLayer(name, color, depth, index, vector, cryptomatte=_cryptomatte(channels))
+
+
+def _cryptomatte(channels: Mapping[tuple[str, int], Channel]) -> Cryptomatte | None:
+    """Return the ids and coverages of the best Cryptomatte that a layer has, or None.
+
+    An id is the bits of a float, which as a number may be NaN or too small to be normal: it is never
+    calculated with. Half floats cannot hold one.
+    """
+    for name in CRYPTOMATTES:
+        ids, coverages = [], []
+        for rank in range(2 * MAX_LEVELS):
+            pair = channels.get((name, 2 * rank)), channels.get((name, 2 * rank + 1))
+            if pair[0] is None or pair[1] is None or pair[0].pixels.dtype != np.float32:
+                break
+            bits = np.ascontiguousarray(pair[0].pixels).view(np.uint32)
+            share = np.nan_to_num(pair[1].pixels.astype(np.float32), nan=0.0, posinf=0.0, neginf=0.0)
+            share = np.where(bits == 0, np.float32(0.0), np.clip(share, 0.0, 1.0))
+            ids.append(np.where(share > 0.0, bits, np.uint32(0)))
+            coverages.append(share)
+        # Ranks that no pixel uses would only take memory.
+        while ids and not ids[-1].any():
+            ids.pop()
+        if ids:
+            return Cryptomatte(np.stack(ids), np.stack(coverages[: len(ids)]))
+    return None
 
 
 def _repair_depth(depth: Float32Array) -> int:

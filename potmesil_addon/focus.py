@@ -240,6 +240,7 @@ def _sources(
         radius,
         cells.stretch,
         mixed=samples.mixes_surfaces,
+        cryptomattes=[view.cryptomatte for view in views],
     )
     above, left = 0, 0
     if fragments.reach.any():

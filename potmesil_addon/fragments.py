@@ -10,12 +10,13 @@ The kernels are loops that also run without numba, only slower.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from . import jit
-from .samples import Float32Array
+from .samples import Cryptomatte, Float32Array
 
 # Bits of `jumps`: to which neighbour the depth jumps.
 LEFT: Final = 1
@@ -44,6 +45,24 @@ _TWO_WIDE: Final = 0.7
 
 _PURE: Final = 1.0 / 256.0
 """Share of a pixel below which a surface is taken not to touch it."""
+
+_UNPLACED: Final = 0.1
+"""Most of a pixel that may belong to ids that are on neither side of an edge, or on both."""
+
+_NO_SHARE: Final = -1.0
+"""Where it is not known what share of a pixel is the nearer surface's."""
+
+_LEAST_RANGE: Final = 0.01
+"""Least variance of the shares around a pixel from which the colours of both surfaces can be told."""
+
+_LEAST_SQUARE: Final = 0.001
+"""Least mean square of a surface's shares around a pixel that tell its colour, the other one's known."""
+
+_CLEAN: Final = 0.95
+"""Share of a pixel from which its colour is its surface's own: the ends of a filter are faint and far."""
+
+_SLIVER: Final = 0.1
+"""How far the part of a surface that a pixel shows may be off, as a share of how much both vary."""
 
 _DEEPEST: Final = 4
 """Surfaces behind one another that are remembered along a line."""
@@ -102,7 +121,13 @@ class Fragments(NamedTuple):
 
 
 def fragments_of(
-    color: Float32Array, depth: Float32Array, radius: Float32Array, stretch: float, *, mixed: bool
+    color: Float32Array,
+    depth: Float32Array,
+    radius: Float32Array,
+    stretch: float,
+    *,
+    mixed: bool,
+    cryptomattes: Sequence[Cryptomatte | None] = (),
 ) -> Fragments:
     """Find the surfaces of each pixel in the views of a layer.
 
@@ -119,6 +144,8 @@ def fragments_of(
     mixed : bool
         Whether a pixel at an edge has the colours of both surfaces (an ordinary render) or of the one that
         its depth tells (point samples).
+    cryptomattes : sequence of Cryptomatte or None
+        Of each view how much of a pixel is whose, where that is known.
 
     Returns
     -------
@@ -139,18 +166,29 @@ def fragments_of(
     )
     jumps = np.zeros((rows, columns), dtype=np.uint8)
     edge = np.zeros((rows, columns), dtype=np.bool_)
+    shares = np.full((rows, columns), _NO_SHARE, dtype=np.float32)
+    nothing = np.zeros((0, rows, columns), dtype=np.float32)
+    unknown = Cryptomatte(nothing.view(np.uint32), nothing)
+    blended = np.zeros((rows, columns), dtype=np.bool_)
     for view in range(views - 1, -1, -1):
         _find_jumps(radius[view], jumps, found.slope[view], found.reach)
         _mark_edges(jumps, edge)
         found.color[view], found.depth[view], found.radius[view] = color[view], depth[view], radius[view]
-        if mixed and view > 0:
-            _purify(color[view], radius[view], edge, found.color[view])
+        if mixed:
+            matte = (cryptomattes[view] if view < len(cryptomattes) else None) or unknown
+            _know_shares(matte.ids, matte.coverage, radius[view], edge, shares)
+            _mark_blended(radius[view], edge, shares, blended)
+            if view > 0:
+                _purify(color[view], radius[view], blended, found.color[view])
     if views > 1:
         _keep_hidden(found.radius, found.coverage)
     found.coverage[0] = 1.0
     own = color[0]
     if mixed:
-        _split(color[0], depth[0], radius[0], edge, views > 1, *found[:4], found.doubt, found.slope)
+        _split(
+            color[0], depth[0], radius[0], edge, blended, shares, views > 1,
+            *found[:4], found.doubt, found.slope,
+        )  # fmt: skip
         own = _own_colors(color[0], radius[0], found)
     weight = np.zeros((rows, columns), dtype=np.float32)
     # Roots, so that a few lamps do not count for much.
@@ -180,6 +218,8 @@ def carried_past_the_border(
     Fragments
         The same with that many more rows and columns, the last ones again and again.
     """
+    if not any(any(sides) for sides in beyond):
+        return fragments
     padded = []
     for values in fragments:
         first = values.ndim - 2 if values is fragments.reach or values.ndim == 3 else 1
@@ -258,6 +298,164 @@ def _mark_edges(jumps: Any, edge: Any) -> None:
 
 
 @jit.kernel()
+def _middle_of(radius: Any, y: int, x: int, reach: int) -> tuple[float, float]:
+    """Return the radius between the two surfaces around a pixel, and how far they are apart."""
+    rows, columns = radius.shape
+    low, high = radius[y, x], radius[y, x]
+    for v in range(max(0, y - reach), min(rows, y + reach + 1)):
+        for u in range(max(0, x - reach), min(columns, x + reach + 1)):
+            low, high = min(low, radius[v, u]), max(high, radius[v, u])
+    return 0.5 * (low + high), high - low
+
+
+@jit.kernel()
+def _cover_of(ids: Any, coverage: Any, y: int, x: int, wanted: Any) -> float:
+    """Return an id's share of a pixel; that of 0 is what has none."""
+    cover = 0.0
+    for rank in range(ids.shape[0]):
+        if wanted == 0:
+            cover += coverage[rank, y, x]
+        elif ids[rank, y, x] == wanted:
+            return float(coverage[rank, y, x])
+    return max(0.0, 1.0 - cover) if wanted == 0 else 0.0
+
+
+@jit.kernel()
+def _side_of(ids: Any, coverage: Any, radius: Any, y: int, x: int, middle: float, wanted: Any) -> int:
+    """Return whether an id is the nearer surface's (-1), the farther one's (1) or cannot be told (0).
+
+    Where it fills pixels, their depths tell. Something thinner is where it covers most.
+    """
+    rows, columns = radius.shape
+    whole_near, whole_far = 0, 0
+    near, far, near_count, far_count = 0.0, 0.0, 0, 0
+    for v in range(max(0, y - _WINDOW), min(rows, y + _WINDOW + 1)):
+        for u in range(max(0, x - _WINDOW), min(columns, x + _WINDOW + 1)):
+            cover = _cover_of(ids, coverage, v, u, wanted)
+            whole = cover > 1.0 - _PURE
+            if radius[v, u] < middle:
+                near += cover
+                near_count += 1
+                whole_near += 1 if whole else 0
+            else:
+                far += cover
+                far_count += 1
+                whole_far += 1 if whole else 0
+    if whole_near > 0 or whole_far > 0:
+        if whole_near > 0 and whole_far > 0:
+            return 0
+        return -1 if whole_near > 0 else 1
+    if near_count == 0 or far_count == 0:
+        return 0
+    near, far = near / near_count, far / far_count
+    return 0 if near == far else (-1 if near > far else 1)
+
+
+@jit.kernel(parallel=True)
+def _know_shares(ids: Any, coverage: Any, radius: Any, edge: Any, shares: Any) -> None:
+    """Find from coverages the nearer surface's share of each pixel at an edge, where they tell.
+
+    Also near an edge, where something thin may cover a part of a pixel and no depth beside it tells so.
+    """
+    rows, columns = radius.shape
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        for x in range(columns):
+            shares[y, x] = _NO_SHARE
+            if ids.shape[0] == 0:
+                continue
+            if not edge[y, x]:
+                most, left = 0.0, 1.0
+                for rank in range(ids.shape[0]):
+                    most, left = max(most, coverage[rank, y, x]), left - coverage[rank, y, x]
+                if max(most, left) >= 1.0 - _PURE:
+                    continue
+            middle, apart = _middle_of(radius, y, x, 1 if edge[y, x] else _WINDOW)
+            if apart <= _LEAST_JUMP:
+                continue
+            near, far = 0.0, 0.0
+            for rank in range(ids.shape[0] + 1):
+                # At last what no surface covers.
+                wanted = ids[rank, y, x] if rank < ids.shape[0] else np.uint32(0)
+                if rank < ids.shape[0] and wanted == 0:
+                    continue
+                cover = _cover_of(ids, coverage, y, x, wanted)
+                if cover <= 0.0:
+                    continue
+                side = _side_of(ids, coverage, radius, y, x, middle, wanted)
+                if side < 0:
+                    near += cover
+                elif side > 0:
+                    far += cover
+            if near + far >= 1.0 - _UNPLACED:
+                shares[y, x] = near / (near + far)
+
+
+@jit.kernel(parallel=True)
+def _mark_blended(radius: Any, edge: Any, shares: Any, blended: Any) -> None:
+    """Mark the pixels that may show more than the surface that their depth tells."""
+    rows, columns = radius.shape
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        for x in range(columns):
+            blended[y, x] = edge[y, x]
+            if shares[y, x] >= 0.0:
+                middle, _ = _middle_of(radius, y, x, 1 if edge[y, x] else _WINDOW)
+                own = shares[y, x] if radius[y, x] < middle else 1.0 - shares[y, x]
+                blended[y, x] = own < _CLEAN
+
+
+@jit.kernel()
+def _colors_of_both(
+    color: Any, radius: Any, blended: Any, shares: Any, y: int, x: int,
+    near: float, far: float, apart: float, front: Any, back: Any, has_front: bool, has_back: bool,
+) -> bool:  # fmt: skip
+    """Find by least squares the colours of two surfaces of which only mixtures with known shares are seen.
+
+    One of them may be given. Return whether the shares tell.
+    """
+    rows, columns = radius.shape
+    ff, fb, bb, total = 0.0, 0.0, 0.0, 0.0
+    f, b = np.zeros(4), np.zeros(4)
+    for v in range(max(0, y - _WINDOW), min(rows, y + _WINDOW + 1)):
+        for u in range(max(0, x - _WINDOW), min(columns, x + _WINDOW + 1)):
+            is_near, is_far = abs(radius[v, u] - near) <= apart, abs(radius[v, u] - far) <= apart
+            if not (is_near or is_far):
+                continue
+            share = shares[v, u]
+            if not blended[v, u]:
+                share = 1.0 if is_near else 0.0
+            elif share < 0.0:
+                continue
+            w = 1.0 / (1.0 + (v - y) * (v - y) + (u - x) * (u - x))
+            total += w
+            ff += w * share * share
+            fb += w * share * (1.0 - share)
+            bb += w * (1.0 - share) * (1.0 - share)
+            for c in range(4):
+                f[c] += w * share * color[v, u, c]
+                b[c] += w * (1.0 - share) * color[v, u, c]
+    determinant = ff * bb - fb * fb
+    if has_front:
+        if bb <= _LEAST_SQUARE * total:
+            return False
+        for c in range(4):
+            back[c] = max(0.0, (b[c] - fb * front[c]) / bb)
+    elif has_back:
+        if ff <= _LEAST_SQUARE * total:
+            return False
+        for c in range(4):
+            front[c] = max(0.0, (f[c] - fb * back[c]) / ff)
+    else:
+        if determinant <= _LEAST_RANGE * total * total:
+            return False
+        for c in range(4):
+            front[c] = max(0.0, (bb * f[c] - fb * b[c]) / determinant)
+            back[c] = max(0.0, (ff * b[c] - fb * f[c]) / determinant)
+    return True
+
+
+@jit.kernel()
 def _clean_color(
     color: Any, radius: Any, edge: Any, y: int, x: int, wanted: float, apart: float, mean: Any
 ) -> float:
@@ -312,13 +510,13 @@ def _nearest_of(radius: Any, y: int, x: int, middle: float, near: bool) -> tuple
 
 @jit.kernel(parallel=True)
 def _split(
-    color: Any, depth: Any, radius: Any, edge: Any, has_hidden: bool,
+    color: Any, depth: Any, radius: Any, edge: Any, blended: Any, shares: Any, has_hidden: bool,
     out_color: Any, out_depth: Any, out_radius: Any, out_coverage: Any, out_doubt: Any, out_slope: Any,
 ) -> None:  # fmt: skip
     """Split the pixels at edges into their two surfaces, so that these add up to the pixel again.
 
-    The share of the nearer one follows from the pixel's colour and the clean colours beside the edge, or,
-    where those do not differ enough to tell, from how many neighbours show it.
+    Where the share of the nearer one is not known, it follows from the pixel's colour and the clean colours
+    beside the edge, or, where those do not differ enough to tell, from how many neighbours show it.
     """
     rows, columns = radius.shape
     for row in jit.prange(rows):
@@ -328,26 +526,34 @@ def _split(
             if not edge[y, x]:
                 continue
             here = radius[y, x]
-            low, high = here, here
-            for v in range(max(0, y - 1), min(rows, y + 2)):
-                for u in range(max(0, x - 1), min(columns, x + 2)):
-                    low, high = min(low, radius[v, u]), max(high, radius[v, u])
-            if high - low <= _LEAST_JUMP:
+            middle, between = _middle_of(radius, y, x, 1)
+            if between <= _LEAST_JUMP:
                 continue
-            middle = 0.5 * (low + high)
             # Nearer to the one surface than to the other.
-            apart = min(_JUMP, 0.5 * (high - low))
+            apart = min(_JUMP, 0.5 * between)
             is_near = here < middle
             near_y, near_x = _nearest_of(radius, y, x, middle, True)
             far_y, far_x = _nearest_of(radius, y, x, middle, False)
-            front_varies = _clean_color(color, radius, edge, y, x, radius[near_y, near_x], apart, front)
-            back_varies = _clean_color(color, radius, edge, y, x, radius[far_y, far_x], apart, back)
+            near_radius, far_radius = radius[near_y, near_x], radius[far_y, far_x]
+            front_varies = _clean_color(color, radius, blended, y, x, near_radius, apart, front)
+            back_varies = _clean_color(color, radius, blended, y, x, far_radius, apart, back)
             # The view of the hidden surfaces shows the farther one whole.
             rendered = has_hidden and out_radius[1, y, x] > middle
             if rendered:
                 back_varies = 0.0
                 for c in range(4):
                     back[c] = out_color[1, y, x, c]
+            known = shares[y, x] >= 0.0
+            if known and (front_varies < 0.0 or back_varies < 0.0):
+                told = _colors_of_both(
+                    color, radius, blended, shares, y, x, near_radius, far_radius, apart,
+                    front, back, front_varies >= 0.0, back_varies >= 0.0,
+                )  # fmt: skip
+                if told:
+                    # As sure as the other one.
+                    varies = max(front_varies, back_varies, 0.0)
+                    front_varies = varies if front_varies < 0.0 else front_varies
+                    back_varies = varies if back_varies < 0.0 else back_varies
             thin = is_near and front_varies < 0.0
             if back_varies < 0.0 and (thin or not is_near):
                 # Nothing wider than the edge itself tells what these surfaces look like.
@@ -377,18 +583,22 @@ def _split(
             doubt = front_varies + back_varies + 1e-4 * size + 1e-12
             share = min(max((along + doubt * expected) / (length + doubt), 0.0), 1.0)
             clear = front[3] - back[3] > 0.5
-            if clear:
+            if known:
+                share = shares[y, x]
+            elif clear:
                 # Before a clear film the alpha is the share, whatever the colours.
                 share = min(max((color[y, x, 3] - back[3]) / (front[3] - back[3]), 0.0), 1.0)
             if thin:
                 # A line of which no pixel is full: at least as much as no light at all would take away.
-                share = expected if expected < _TWO_WIDE else 1.0
-                for c in range(4):
-                    if back[c] > 0.0:
-                        share = max(share, min(1.0 - color[y, x, c] / back[c], 1.0))
-                for c in range(4):
-                    front[c] = max(0.0, (color[y, x, c] - (1.0 - share) * back[c]) / share)
-            else:
+                if not known:
+                    share = expected if expected < _TWO_WIDE else 1.0
+                    for c in range(4):
+                        if back[c] > 0.0:
+                            share = max(share, min(1.0 - color[y, x, c] / back[c], 1.0))
+                if share >= _PURE:
+                    for c in range(4):
+                        front[c] = max(0.0, (color[y, x, c] - (1.0 - share) * back[c]) / share)
+            elif not known:
                 unexplained = 0.0
                 for c in range(4):
                     off = color[y, x, c] - share * front[c] - (1.0 - share) * back[c]
@@ -399,12 +609,12 @@ def _split(
             if share < _PURE:
                 if is_near:
                     # What the depth saw is a sliver: the pixel shows the other surface.
-                    out_depth[0, y, x], out_radius[0, y, x] = depth[far_y, far_x], radius[far_y, far_x]
+                    out_depth[0, y, x], out_radius[0, y, x] = depth[far_y, far_x], far_radius
                     out_slope[0, y, x, :] = 0.0
                     out_coverage[1, y, x] = 0.0
                 continue
             if not is_near:
-                out_depth[0, y, x], out_radius[0, y, x] = depth[near_y, near_x], radius[near_y, near_x]
+                out_depth[0, y, x], out_radius[0, y, x] = depth[near_y, near_x], near_radius
                 out_slope[0, y, x, :] = 0.0
             if share > 1.0 - _PURE:
                 continue
@@ -412,13 +622,18 @@ def _split(
                 length / 3.0
             )
             out_doubt[0, y, x], out_doubt[1, y, x] = unsure, unsure
-            # What the two do not explain is given to both, so that the pixel stays what it was.
-            rest = share * share + (0.0 if rendered or clear else (1.0 - share) * (1.0 - share))
+            # What the two do not explain is given to both, to each as far as it varies, so that the pixel
+            # stays what it was.
+            least = _SLIVER * (front_varies + back_varies) + 1e-4 * size + 1e-12
+            to_front, to_back = share * (front_varies + least), (1.0 - share) * (back_varies + least)
+            if rendered or clear:
+                to_front, to_back = 1.0, 0.0
+            rest = share * to_front + (1.0 - share) * to_back
             for c in range(4):
                 whole = color[y, x, c]
                 off = whole - share * front[c] - (1.0 - share) * back[c]
-                near = front[c] + off * share / rest
-                far = back[c] if rendered or clear else back[c] + off * (1.0 - share) / rest
+                near = front[c] + off * to_front / rest
+                far = back[c] + off * to_back / rest
                 if near < 0.0:
                     near, far = 0.0, whole / (1.0 - share)
                 elif far < 0.0:
@@ -431,7 +646,7 @@ def _split(
             out_coverage[0, y, x] = share
             out_coverage[1, y, x] = 1.0
             if not rendered:
-                out_depth[1, y, x], out_radius[1, y, x] = depth[far_y, far_x], radius[far_y, far_x]
+                out_depth[1, y, x], out_radius[1, y, x] = depth[far_y, far_x], far_radius
 
 
 @jit.kernel(parallel=True)

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Final, Literal
 
-PassName = Literal["combined", "depth", "object_index", "vector"]
+PassName = Literal[
+    "combined",
+    "depth",
+    "object_index",
+    "vector",
+    "cryptomatte_object",
+    "cryptomatte_asset",
+    "cryptomatte_material",
+    "cryptomatte",
+]
 
 _ALIASES: Final[dict[str, PassName]] = {
     "Combined": "combined",
@@ -32,6 +42,26 @@ _COMPONENTS: Final[dict[PassName, tuple[str, ...]]] = {
     "vector": ("X", "Y", "Z", "W"),
 }
 
+CRYPTOMATTES: Final[tuple[PassName, ...]] = (
+    "cryptomatte_object",
+    "cryptomatte_asset",
+    "cryptomatte_material",
+    "cryptomatte",
+)
+"""Cryptomatte passes, what tells surfaces apart best first; the last does not say of what it is."""
+
+MAX_LEVELS: Final = 2
+"""Numbered passes of a Cryptomatte that are read; each has the ids and coverages of two ranks."""
+
+_CRYPTOMATTE: Final = re.compile(r"u?crypto(?:matte|_?(object|asset|material))([0-9]{2})", re.IGNORECASE)
+"""A numbered pass: CryptoObject00 (Blender), crypto_object00 (Arnold), uCryptoObject00 (as specified)."""
+
+_CRYPTOMATTE_COMPONENTS: Final = {
+    name: index
+    for index, names in enumerate((("r", "red"), ("g", "green"), ("b", "blue"), ("a", "alpha")))
+    for name in names
+}
+
 
 @dataclass(frozen=True, slots=True)
 class ChannelName:
@@ -44,7 +74,8 @@ class ChannelName:
     name : str or None
         Our name of the pass; ``None`` for a pass that the processors have no use for.
     component : int
-        Which component of the pass.
+        Which component of the pass. Of a Cryptomatte twice the rank for its id, and one more for its
+        coverage.
     other_view : bool
         Whether it belongs to a stereo view that is not the file's default one.
     """
@@ -75,7 +106,11 @@ def parse_channel(channel: str, views: tuple[str, ...] = ()) -> ChannelName:
     if view is not None:
         tokens.remove(view)
     name: PassName | None
-    if tokens and tokens[-1] in _ALIASES:
+    matte = _CRYPTOMATTE.fullmatch(tokens[-1]) if tokens else None
+    if matte is not None:
+        tokens.pop()
+        name = _cryptomatte_name(matte[1])
+    elif tokens and tokens[-1] in _ALIASES:
         name = _ALIASES[tokens.pop()]
     elif component in _COMPONENTS["combined"]:
         name = "combined"
@@ -88,6 +123,11 @@ def parse_channel(channel: str, views: tuple[str, ...] = ()) -> ChannelName:
     if view is not None and view != views[0]:
         other_view = True
         layer = f"{layer}.{view}" if layer else view
+    if matte is not None:
+        level, index = int(matte[2]), _CRYPTOMATTE_COMPONENTS.get(component.lower())
+        if index is None or level >= MAX_LEVELS:
+            return ChannelName(layer, None, 0, other_view)
+        return ChannelName(layer, name, 4 * level + index, other_view)
     if name == "vector" and component in FORWARD:
         return ChannelName(layer, name, 2 + FORWARD.index(component), other_view)
     if name is None or component not in _COMPONENTS[name]:
@@ -95,3 +135,9 @@ def parse_channel(channel: str, views: tuple[str, ...] = ()) -> ChannelName:
     index = _COMPONENTS[name].index(component)
     # Depth and index have one component under either of two names.
     return ChannelName(layer, name, index if name in ("combined", "vector") else 0, other_view)
+
+
+def _cryptomatte_name(kind: str | None) -> PassName:
+    """Return our name of a Cryptomatte of objects, assets or materials, in any case of letters."""
+    wanted = "cryptomatte" if kind is None else f"cryptomatte_{kind.lower()}"
+    return next(name for name in CRYPTOMATTES if name == wanted)

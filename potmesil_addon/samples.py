@@ -52,6 +52,22 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
+class Cryptomatte:
+    """Which surfaces each pixel shows and how much of each, after the renderer's own pixel filter.
+
+    Parameters
+    ----------
+    ids : ndarray of uint32 of shape (ranks, rows, columns)
+        Hashes of names, to be compared and nothing else; 0 where a rank is not used. In order of coverage.
+    coverage : ndarray of float32 of shape (ranks, rows, columns)
+        Share of the pixel, from 0 to 1; 0 where a rank is not used. What is missing to 1 shows no surface.
+    """
+
+    ids: npt.NDArray[np.uint32]
+    coverage: Float32Array
+
+
+@dataclass(frozen=True, slots=True)
 class SampleLayer:
     """The samples of one view layer, on the pixel grid of the data window.
 
@@ -73,6 +89,8 @@ class SampleLayer:
         The moving objects alone on a transparent film, so that what hides them is not.
     hidden : tuple of SampleLayer
         The same view with more and more of what is nearest left out, so that what it hides is there.
+    cryptomatte : Cryptomatte or None
+        Coverages of the objects that are seen.
     """
 
     name: str
@@ -83,6 +101,7 @@ class SampleLayer:
     stationary: SampleLayer | None = None
     moving: SampleLayer | None = None
     hidden: tuple[SampleLayer, ...] = ()
+    cryptomatte: Cryptomatte | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -239,9 +239,11 @@ def test_one_part_with_all_passes(tmp_path: Path, layer: str, index: str) -> Non
     check_passes(tmp_path / "a.exr", layer)
 
 
-def multi_part(path: Path, prefix: str, layer: str = "ViewLayer", **first: Any) -> Path:
+def multi_part(
+    path: Path, prefix: str, layer: str = "ViewLayer", more: dict[str, Any] | None = None, **first: Any
+) -> Path:
     """Write a part for each pass, named after it; channels begin with `prefix` and the pass' name or not."""
-    channels = passes("", index="Object Index")
+    channels = passes("", index="Object Index") | (more or {})
     parts = []
     for name in dict.fromkeys(full.rsplit(".", 1)[0] for full in channels):
         own = {
@@ -333,6 +335,150 @@ def test_annotating_with_layers_behind(tmp_path: Path, single: bool) -> None:
     (layer,) = exr.read_samples(tmp_path / "out.exr").layers
     assert [other.name for other in layer.hidden] == ["ViewLayer (behind 1)", "ViewLayer (behind 2)"]
     assert np.array_equal(layer.hidden[1].color, layer.color)
+
+
+# Cryptomatte
+
+
+IDS = np.array([0x3F8A12C0, 0x00000001, 0x7FC01234, 0xFFA00001, 0x80000000, 0xC0491A3E], dtype=np.uint32)
+"""Between usual ones bits that as floats are not normal, NaN, a signalling NaN, and minus zero."""
+
+
+def coverages(kind: str = "CryptoObject", shape: tuple[int, int] = (4, 5), seed: int = 7) -> dict[str, Any]:
+    """Return the channels of three Cryptomatte passes, their ranks in order of coverage."""
+    rng = np.random.default_rng(seed)
+    ranks = IDS.size
+    ids = rng.permuted(np.tile(IDS, (*shape, 1)), axis=2)
+    cover = np.sort(rng.random((*shape, ranks)), axis=2)[..., ::-1] / ranks
+    cover[1, 1, 1:], ids[1, 1, 1:] = 0.0, 0
+    channels = {}
+    for rank in range(ranks):
+        level, names = rank // 2, ("rg", "ba")[rank % 2]
+        bits = np.ascontiguousarray(ids[..., rank])
+        channels[f"{kind}{level:02d}.{names[0]}"] = bits.view(np.float32)
+        channels[f"{kind}{level:02d}.{names[1]}"] = cover[..., rank].astype(np.float32)
+    return channels
+
+
+def check_coverages(layer: Any, channels: dict[str, Any], kind: str = "CryptoObject") -> None:
+    found = layer.cryptomatte
+    assert found is not None
+    assert (found.ids.dtype, found.coverage.dtype) == (np.uint32, np.float32)
+    assert found.ids.shape == found.coverage.shape == (4, *layer.color.shape[:2])
+    for rank in range(4):
+        level, names = rank // 2, ("rg", "ba")[rank % 2]
+        bits = channels[f"{kind}{level:02d}.{names[0]}"].view(np.uint32)
+        assert np.array_equal(found.ids[rank], bits)
+        assert np.array_equal(found.coverage[rank], channels[f"{kind}{level:02d}.{names[1]}"])
+
+
+@pytest.mark.parametrize("prefix", ["", "ViewLayer."])
+def test_ids_are_read_bit_by_bit(tmp_path: Path, prefix: str) -> None:
+    """The first four ranks, which is what is read."""
+    channels = {f"{prefix}{name}": values for name, values in coverages().items()}
+    base = passes(prefix) if prefix else plain_channels(4, 5)
+    (layer,) = exr.read_samples(write_exr(tmp_path / "a.exr", {**base, **channels})).layers
+    assert layer.name == prefix.removesuffix(".")
+    check_coverages(layer, channels, f"{prefix}CryptoObject")
+    assert not exr.read_samples(tmp_path / "a.exr").repaired
+
+
+@pytest.mark.parametrize(
+    ("kinds", "used"),
+    [
+        (("CryptoMaterial", "CryptoAsset", "CryptoObject"), "CryptoObject"),
+        (("crypto_material", "crypto_asset"), "crypto_asset"),
+        (("Cryptomatte", "uCryptoMaterial"), "uCryptoMaterial"),
+        (("cryptomatte",), "cryptomatte"),
+    ],
+)
+def test_objects_are_preferred_to_assets_and_materials(
+    tmp_path: Path, kinds: tuple[str, ...], used: str
+) -> None:
+    channels = {}
+    for seed, kind in enumerate(kinds):
+        channels |= coverages(kind, seed=seed)
+    path = write_exr(tmp_path / "a.exr", {**plain_channels(4, 5), **channels})
+    (layer,) = exr.read_samples(path).layers
+    check_coverages(layer, channels, used)
+
+
+def test_ranks_without_any_id_take_no_memory(tmp_path: Path) -> None:
+    channels = coverages()
+    for name in list(channels):
+        if "00" not in name:
+            channels[name] = np.zeros((4, 5), dtype=np.float32)
+    (layer,) = exr.read_samples(write_exr(tmp_path / "a.exr", {**plain_channels(4, 5), **channels})).layers
+    assert layer.cryptomatte is not None
+    assert layer.cryptomatte.ids.shape == (2, 4, 5)
+    empty = {name: np.zeros((4, 5), dtype=np.float32) for name in channels}
+    (layer,) = exr.read_samples(write_exr(tmp_path / "b.exr", {**plain_channels(4, 5), **empty})).layers
+    assert layer.cryptomatte is None
+
+
+def test_coverages_that_make_no_sense_are_none(tmp_path: Path) -> None:
+    channels = coverages()
+    channels["CryptoObject00.g"][0, :4] = [np.nan, np.inf, -1.0, 5.0]
+    (layer,) = exr.read_samples(write_exr(tmp_path / "a.exr", {**plain_channels(4, 5), **channels})).layers
+    assert layer.cryptomatte is not None
+    np.testing.assert_array_equal(layer.cryptomatte.coverage[0, 0, :4], [0.0, 0.0, 0.0, 1.0])
+    assert (layer.cryptomatte.ids[0, 0, :3] == 0).all()
+
+
+@pytest.mark.parametrize("spoil", ["half floats", "no coverage"])
+def test_a_cryptomatte_that_tells_nothing_is_passed_over(tmp_path: Path, spoil: str) -> None:
+    channels = coverages()
+    if spoil == "half floats":
+        channels = {name: np.ones((4, 5), dtype=np.float16) for name in channels}
+    else:
+        del channels["CryptoObject00.g"]
+    path = write_exr(tmp_path / "a.exr", {**plain_channels(4, 5), **channels})
+    (layer,) = exr.read_samples(path).layers
+    assert layer.cryptomatte is None
+
+
+def test_a_cryptomatte_with_other_pixels_is_passed_over(tmp_path: Path) -> None:
+    """Some programs crop it to what it covers."""
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    display = {"displayWindow": box(0, 0, 4, 3)}
+    level = {f"main.{name}": values for name, values in coverages().items() if "00" in name}
+    for first_row in (0, 1):
+        cropped = {name: np.ascontiguousarray(values[first_row:]) for name, values in level.items()}
+        windows = [{"dataWindow": box(0, row, 4, 3)} for row in (0, first_row)]
+        parts = [
+            OpenEXR.Part({**header, **display, **windows[0]}, plain_channels(4, 5), "main"),
+            OpenEXR.Part({**header, **display, **windows[1]}, cropped, "main.CryptoObject00"),
+        ]
+        OpenEXR.File(parts).write(str(tmp_path / "a.exr"))
+        (layer,) = exr.read_samples(tmp_path / "a.exr").layers
+        assert (layer.cryptomatte is None) == (first_row == 1)
+
+
+@pytest.mark.parametrize("margins", [(0, 0), (1, 1)])
+@pytest.mark.parametrize("single", [True, False])
+def test_annotating_keeps_the_coverages_of_all_views(
+    tmp_path: Path, single: bool, margins: tuple[int, int]
+) -> None:
+    files = {name: coverages(seed=number) for number, name in enumerate(("in", "one", "two"))}
+    about = {"cryptomatte/542cafa/name": "ViewLayer.CryptoObject", "cryptomatte/542cafa/manifest": "{}"}
+    for name, channels in files.items():
+        path = tmp_path / f"{name}.exr"
+        if single:
+            own = {f"ViewLayer.{full}": values for full, values in channels.items()}
+            write_exr(path, {**passes("ViewLayer."), **own}, **about)
+        else:
+            multi_part(path, "ViewLayer.", more=channels, **about)
+    companions = {exr.behind(n): tmp_path / f"{name}.exr" for n, name in ((1, "one"), (2, "two"))}
+    exr.annotate(tmp_path / "in.exr", tmp_path / "out.exr", {}, companions, margins)
+    samples = exr.read_samples(tmp_path / "out.exr")
+    (layer,) = samples.layers
+    check_coverages(layer, files["in"])
+    for other, name in zip(layer.hidden, ("one", "two"), strict=True):
+        check_coverages(other, files[name])
+    window = samples.data_window
+    assert (window.rows, window.columns) == (4, 5)
+    header = exr.read_raw(tmp_path / "out.exr").header
+    assert {name: header[name] for name in about} == about
 
 
 def test_plain_channels_of_other_programs(tmp_path: Path) -> None:

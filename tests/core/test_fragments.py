@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from potmesil_addon.fragments import Fragments, fragments_of
+from potmesil_addon.samples import Cryptomatte
 
 from .helpers import Array
 
@@ -27,12 +28,18 @@ def depth_of(radius: npt.ArrayLike) -> npt.NDArray[np.float32]:
     return np.asarray(1.0 / (0.5 - np.asarray(radius) / 100.0), dtype=np.float32)
 
 
-def found_in(color: npt.ArrayLike, radius: npt.ArrayLike, *, mixed: bool = True) -> Fragments:
+def found_in(
+    color: npt.ArrayLike,
+    radius: npt.ArrayLike,
+    *,
+    mixed: bool = True,
+    mattes: list[Cryptomatte] | None = None,
+) -> Fragments:
     """Return the surfaces of views; one view without its axis is a layer without hidden ones."""
     color, radius = np.asarray(color, dtype=np.float32), np.asarray(radius, dtype=np.float32)
     if radius.ndim == 2:
         color, radius = color[np.newaxis], radius[np.newaxis]
-    return fragments_of(color, depth_of(radius), radius, 1.0, mixed=mixed)
+    return fragments_of(color, depth_of(radius), radius, 1.0, mixed=mixed, cryptomattes=mattes or [])
 
 
 def fine_places() -> tuple[Array, Array]:
@@ -260,6 +267,138 @@ def test_highlight_of_the_far_surface_stays_on_it() -> None:
         light[1:] *= 1.0 - found.coverage[0]
         assert light[found.radius > 0.5 * (NEAR + FAR)].max() > 900.0
         assert light[found.radius < 0.5 * (NEAR + FAR)].max() < 100.0
+
+
+# Un-mixing with known coverages
+
+
+def matte(covers: dict[int, Array]) -> Cryptomatte:
+    """Return a Cryptomatte of ids' covers, in ranks by cover; where two are equal in any order."""
+    cover = np.stack([np.asarray(values, dtype=np.float32) for values in covers.values()])
+    ids = np.broadcast_to(np.array(list(covers), dtype=np.uint32)[:, np.newaxis, np.newaxis], cover.shape)
+    order = np.argsort(-cover, axis=0, kind="stable")
+    cover, ids = np.take_along_axis(cover, order, axis=0), np.take_along_axis(ids, order, axis=0)
+    return Cryptomatte(np.where(cover > 0.0, ids, np.uint32(0)), cover)
+
+
+BALL, WALL, DOOR = 0x7FC01234, 0x00000001, 0xFFA00001
+
+
+@EDGES
+@pytest.mark.parametrize("background", ["a wall", "nothing"])
+@pytest.mark.parametrize("colors", ["equal", "patterns", "noise"])
+def test_known_cover_is_taken_whatever_the_colors(
+    colors: str, background: str, degrees: float, offset: float
+) -> None:
+    cover, is_near = edge(degrees, offset)
+    rng = np.random.default_rng(9)
+    color = {
+        "equal": np.full((ROWS, COLUMNS, 4), 0.5),
+        "patterns": mixture(cover, pattern(3), pattern(4, 0.0, 1.0)),
+        "noise": rng.random((ROWS, COLUMNS, 4)),
+    }[colors]
+    known = matte({BALL: cover, WALL: 1.0 - cover} if background == "a wall" else {BALL: cover})
+    found = found_in(color, np.where(is_near, NEAR, FAR), mattes=[known])
+    # What covers less than 1/256 is left out.
+    assert np.abs(near_share(found) - cover).max() < 1.0 / 256.0 + 1e-6
+    np.testing.assert_allclose(recomposed(found), color, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("width", [0.4, 0.7, 1.2, 1.5, 2.0])
+@pytest.mark.parametrize(
+    ("degrees", "offset"), [(0.0, 0.4), (0.0, 0.3), (90.0, 0.25), (30.0, 0.1), (50.0, 0.2)]
+)
+def test_wire_of_known_cover_has_its_own_color(width: float, degrees: float, offset: float) -> None:
+    """No pixel shows it alone, and renderers give a pixel's depth at a random place in it."""
+    cover, _ = bar(width, degrees, offset)
+    wire, wall = np.array([0.9, 0.8, 0.2, 1.0]), np.array([0.1, 0.2, 0.4, 1.0])
+    is_near = np.random.default_rng(4).random(cover.shape) < cover
+    color = mixture(cover, wire, wall)
+    found = found_in(color, np.where(is_near, NEAR, FAR), mattes=[matte({BALL: cover, WALL: 1.0 - cover})])
+    share = near_share(found)
+    # A wire that no depth nearby tells of is not known to be there.
+    beside = np.zeros_like(is_near)
+    for j, i in [(j, i) for j in (-1, 0, 1) for i in (-1, 0, 1)]:
+        beside |= np.roll(is_near, (j, i), axis=(0, 1))
+    seen = np.zeros_like(is_near)
+    seen[3:-3, 3:-3] = (beside & (cover > 0.1) & (cover < 0.99))[3:-3, 3:-3]
+    # Where the few depths nearby happen to be those of pixels with little of the wire, they mislead.
+    right = np.abs(share - cover)[seen] < 1.0 / 256.0 + 1e-6
+    assert seen.sum() >= 12
+    assert right.mean() > 0.9
+    np.testing.assert_allclose(recomposed(found), color, atol=1e-4)
+    off = np.abs(found.color[:2] - np.stack([wire, wall])[:, np.newaxis, np.newaxis]).max(axis=-1)
+    assert off[:, seen][:, right].mean() < 0.02
+    assert off[:, seen][:, right].max() < 0.1
+
+
+def test_farther_surface_of_two_ids() -> None:
+    """A door in the wall: both are behind the near edge, in whatever order."""
+    cover, is_near = edge(30.0, 0.2)
+    rest = 1.0 - cover
+    door = np.clip(11.5 - np.arange(ROWS), 0.0, 1.0)[:, np.newaxis]
+    known = matte({BALL: cover, WALL: rest * (1.0 - door), DOOR: rest * door})
+    color = np.full((ROWS, COLUMNS, 4), 0.5)
+    found = found_in(color, np.where(is_near, NEAR, FAR), mattes=[known])
+    assert np.abs(near_share(found) - cover).max() < 1.0 / 256.0 + 1e-6
+
+
+@pytest.mark.parametrize("known", ["one id", "no id", "both sides"])
+def test_a_thing_before_itself_is_split_by_its_colors(known: str) -> None:
+    """Its id is on both sides of the edge and tells nothing."""
+    cover, is_near = edge(30.0, 0.2)
+    color = mixture(cover, [0.9, 0.2, 0.1, 1.0], [0.1, 0.3, 0.6, 1.0])
+    radius = np.where(is_near, NEAR, FAR)
+    ones = np.ones((ROWS, COLUMNS))
+    covers = {
+        "one id": {BALL: ones},
+        "no id": {BALL: 0.0 * ones},
+        "both sides": {BALL: (np.arange(ROWS) % 2)[:, np.newaxis] * ones, WALL: ones * 0.0},
+    }[known]
+    found = found_in(color, radius, mattes=[matte(covers)])
+    for mine, theirs in zip(found, found_in(color, radius), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+def test_clean_colors_may_be_next_to_an_edge() -> None:
+    """A bar of two pixels between pixels' borders: nothing is mixed, and nothing is to be split."""
+    cover, is_near = bar(2.0, 0.0, 0.0)
+    assert set(np.unique(cover)) == {0.0, 1.0}
+    color = np.where(is_near[..., np.newaxis], pattern(3), pattern(4))
+    found = found_in(color, np.where(is_near, NEAR, FAR), mattes=[matte({BALL: cover, WALL: 1.0 - cover})])
+    assert (found.coverage[0] == 1.0).all()
+    np.testing.assert_array_equal(found.color[0], color.astype(np.float32))
+
+
+def test_hidden_views_have_coverages_of_their_own() -> None:
+    """A pixel of one that its own surface fills stays as it is, beside an edge too."""
+    cover, is_bar = bar(2.0, 0.0, 0.0)
+    hidden = np.where(is_bar[..., np.newaxis], pattern(5), pattern(6))
+    radius = np.stack([np.full((ROWS, COLUMNS), -9.0), np.where(is_bar, -3.0, 3.0)])
+    front = np.broadcast_to(np.array([0.0, 1.0, 0.0, 1.0]), hidden.shape)
+    mattes = [matte({DOOR: np.ones((ROWS, COLUMNS))}), matte({BALL: cover, WALL: 1.0 - cover})]
+    found = found_in(np.stack([front, hidden]), radius, mattes=mattes)
+    np.testing.assert_allclose(found.color[1], hidden, atol=1e-6)
+
+
+@pytest.mark.parametrize("views", [1, 2])
+def test_coverages_that_fit_nothing_do_no_harm(views: int) -> None:
+    rng = np.random.default_rng(8)
+    alpha = rng.choice([0.0, 0.4, 1.0], (views, ROWS, COLUMNS, 1))
+    color = np.concatenate([alpha * rng.random((views, ROWS, COLUMNS, 3)) * 100.0, alpha], axis=-1)
+    radius = np.sort(rng.choice([-12.0, -3.0, 0.0, 5.0], (views, ROWS, COLUMNS)), axis=0)
+    ids = rng.choice(np.array([0, BALL, WALL, DOOR], dtype=np.uint32), (views, 3, ROWS, COLUMNS))
+    cover = rng.random((views, 3, ROWS, COLUMNS)).astype(np.float32)
+    mattes = [Cryptomatte(i, np.where(i == 0, np.float32(0.0), c)) for i, c in zip(ids, cover, strict=True)]
+    found = found_in(color, radius, mattes=mattes)
+    for values in found:
+        assert np.isfinite(values).all()
+    assert found.color.min() >= 0.0
+    for values in (found.coverage, found.guessed):
+        assert values.min() >= 0.0
+        assert values.max() <= 1.0
+    if views == 1:
+        np.testing.assert_allclose(recomposed(found), color[0], rtol=1e-4, atol=1e-3)
 
 
 # Jumps

@@ -39,6 +39,16 @@ from potmesil_addon.passes import ChannelName, parse_channel
         ("beauty.R", "", "combined", 0),
         ("fg.R", "fg", "combined", 0),
         ("fg.Z", "fg", "depth", 0),
+        # Cryptomatte: Blender, Arnold, the specification's own names, Redshift and V-Ray.
+        ("ViewLayer.CryptoObject00.r", "ViewLayer", "cryptomatte_object", 0),
+        ("ViewLayer.CryptoObject00.a", "ViewLayer", "cryptomatte_object", 3),
+        ("ViewLayer.CryptoObject01.g", "ViewLayer", "cryptomatte_object", 5),
+        ("ViewLayer.CryptoAsset00.b", "ViewLayer", "cryptomatte_asset", 2),
+        ("ViewLayer.CryptoMaterial01.a", "ViewLayer", "cryptomatte_material", 7),
+        ("crypto_object00.R", "", "cryptomatte_object", 0),
+        ("crypto_asset01.A", "", "cryptomatte_asset", 7),
+        ("uCryptoMaterial00.green", "", "cryptomatte_material", 1),
+        ("Cryptomatte00.B", "", "cryptomatte", 2),
     ],
 )
 def test_channel_of_a_pass_we_use(channel: str, layer: str, name: str, component: int) -> None:
@@ -55,7 +65,9 @@ def test_channel_of_a_pass_we_use(channel: str, layer: str, name: str, component
         "Y",
         "ViewLayer.Combined.Q",
         "ViewLayer.Depth.Q",
-        "ViewLayer.CryptoObject00.r",
+        "ViewLayer.CryptoObject02.r",
+        "ViewLayer.CryptoObject00.x",
+        "ViewLayer.CryptoObject.x",
         "",
         ".",
     ],
