@@ -16,7 +16,17 @@ from .fragments import carried_past_the_border, fragments_of
 from .lens import CocModel, Lens, circle_of_confusion
 from .psf import PackedTables, PsfBuilder, PsfSettings, TableAssignment, circles_for_filtered_samples
 from .samples import Float32Array, SampleLayer, Samples, Window
-from .scatter import BEHIND, PARTLY, WHOLE, Backend, Masks, Scatter, scatter, uses_numba
+from .scatter import (
+    BEHIND,
+    PARTLY,
+    WHOLE,
+    Backend,
+    Masks,
+    Scatter,
+    cuts_between_cells,
+    scatter,
+    uses_numba,
+)
 from .visibility import MOST_RADIUS, Visibility, aperture_cells, decide
 
 Weighting = Literal["1982", "1981"]
@@ -267,7 +277,7 @@ def _sources(
         number,
         group,
         visible.mask,
-        radius_x,
+        cuts_between_cells(radius_x, tables.mirror),
         radius_x * (cells.stretch_y / cells.stretch_x),
         _on_output(in_focus, samples, above, left),
     )

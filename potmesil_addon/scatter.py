@@ -52,8 +52,10 @@ class Masks(NamedTuple):
         `WHOLE`, `PARTLY` or `BEHIND`: in which sum a sample counts.
     cells : ndarray of uint16 of shape (masks, 16)
         Bit i of number j: light reaches column i and row j of the cells.
-    radius_x, radius_y : ndarray of float64 of shape (tables,)
-        Half sizes in pixels of the square that the cells divide, for each table.
+    cuts : ndarray of int32 of shape (tables, 17)
+        Columns of each table's pixels at which cells begin, and the last one ends: see `cuts_between_cells`.
+    radius_y : ndarray of float64 of shape (tables,)
+        Half height in pixels of the square that the cells divide, for each table.
     sharp : ndarray of bool of shape (rows, columns)
         Pixels of the output that a surface in focus covers, to which nothing behind the focus gives light.
     """
@@ -61,7 +63,7 @@ class Masks(NamedTuple):
     number: npt.NDArray[np.int32]
     group: npt.NDArray[np.uint8]
     cells: npt.NDArray[np.uint16]
-    radius_x: npt.NDArray[np.float64]
+    cuts: npt.NDArray[np.int32]
     radius_y: npt.NDArray[np.float64]
     sharp: npt.NDArray[np.bool_]
 
@@ -81,16 +83,14 @@ _MOST_GAIN: Final = 2.0
 CELLS: Final = 16
 """Cells along each side of the square around a circle; a row of them is a number of a mask."""
 
-_ALL_CELLS: Final = (1 << CELLS) - 1
-
-_CELL: Final = 2.0 / CELLS
-"""Side of a cell in radii."""
+_BITS: Final = np.array([int(f"{0x077CB531 << n & 0xFFFFFFFF:032b}"[:5], 2) for n in range(32)]).argsort()
+"""Place of a number's only bit, by the five highest bits of its product with de Bruijn's sequence."""
 
 _NO_MASKS: Final = Masks(
     np.zeros((0, 0, 0), dtype=np.int32),
     np.zeros((0, 0, 0), dtype=np.uint8),
     np.zeros((0, CELLS), dtype=np.uint16),
-    np.zeros(0),
+    np.zeros((0, CELLS + 1), dtype=np.int32),
     np.zeros(0),
     np.zeros((0, 0), dtype=np.bool_),
 )
@@ -125,6 +125,27 @@ class Scatter:
     origin: tuple[int, int]
     shape: tuple[int, int]
     masks: Masks | None = None
+
+
+def cuts_between_cells(radius_x: npt.NDArray[np.float64], mirror: int) -> npt.NDArray[np.int32]:
+    """Return at which columns the cells over circles begin and end.
+
+    Parameters
+    ----------
+    radius_x : ndarray of float64 of shape (tables,)
+        Half width in pixels of the square that the cells divide, for each table.
+    mirror : int
+        Sum of the columns of a pixel and of its mirror image: `PackedTables.mirror`.
+
+    Returns
+    -------
+    ndarray of int32 of shape (tables, 17)
+        The outermost cells have all that is beyond.
+    """
+    cells = np.arange(CELLS + 1) * (2.0 / CELLS) - 1.0
+    cuts = np.floor(cells * radius_x[:, np.newaxis] + 0.5 * mirror + 0.5).astype(np.int32)
+    cuts[:, 0], cuts[:, -1] = -_WIDE, _WIDE
+    return cuts
 
 
 def uses_numba(backend: Backend) -> bool:
@@ -302,7 +323,7 @@ def _add_masked_table(
     t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
     first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any,
     symmetric: bool, mirror: int, primaries: tuple[int, ...],
-    cells: Any, number: int, radius_x: float, radius_y: float, half: float, run: Any,
+    cells: Any, number: int, cuts: Any, radius_y: float, run: Any,
 ) -> None:  # fmt: skip
     """Add those parts of one sample's table that its mask lets through.
 
@@ -312,28 +333,50 @@ def _add_masked_table(
     start = y + first_row[t]
     first = rows[t]
     stride = columns * (4 + len(primaries))
+    scale = _rows_of_cells(radius_y)
     for j in range(max(0, -start), min(rows[t + 1] - first, height - start)):
-        across = (first_row[t] + j + 0.5 - half) / max(radius_y, _NO_LIGHT)
-        cell_row = min(max(math.floor((across + 1.0) / _CELL), 0), CELLS - 1)
+        down = (first_row[t] + j + 0.5 - 0.5 * mirror) * scale
+        cell_row = min(max(math.floor(down + 0.5 * CELLS), 0), CELLS - 1)
         bits = int(cells[number, cell_row])
         line = plane + (start + j) * stride
         begin, end = row_begin[first + j], row_end[first + j]
-        if bits == _ALL_CELLS:
-            _add_row(
-                total, line, x, columns, r, g, b, a, w, begin, end, offset, delta, symmetric, mirror,
-                primaries,
-            )  # fmt: skip
+        if bits == 0 or begin == end:
             continue
-        cell = 0
-        while bits >> cell != 0:
-            if (bits >> cell) & 1 == 0:
-                cell += 1
-                continue
-            low = -_WIDE if cell == 0 else math.floor((cell * _CELL - 1.0) * radius_x + half + 0.5)
-            while (bits >> cell) & 1 == 1:
-                cell += 1
-            high = _WIDE if cell == CELLS else math.floor((cell * _CELL - 1.0) * radius_x + half + 0.5)
+        # The row rises over some pixels, is level, and in a symmetric table falls as it rose.
+        falls, ends = offset[begin], offset[end - 1]
+        rises, level = mirror - ends, mirror - falls
+        has_level = symmetric and level < falls
+        while bits != 0:
+            # A carry through the lowest run of bits puts one past its end.
+            lowest = bits & -bits
+            carried = bits + lowest
+            bits &= carried
+            low, high = cuts[t, _place_of(lowest)], cuts[t, _place_of(carried & -carried)]
             if low >= high:
+                continue
+            if has_level and (low < rises or level <= low < falls) and (high > ends or level < high <= falls):
+                # Almost all cuts: none of them within the rise or the fall.
+                if low < rises and high > ends:
+                    _add_row(
+                        total, line, x, columns, r, g, b, a, w, begin, end, offset, delta, symmetric, mirror,
+                        primaries,
+                    )  # fmt: skip
+                    continue
+                for p in range(len(primaries)):
+                    run[0, p] = 0.0
+                for e in range(begin, end):
+                    for p in range(len(primaries)):
+                        run[0, p] -= delta[e, p]
+                    at = x + mirror - offset[e]
+                    if low < rises and at < columns:
+                        _add(total, line, at, r, g, b, a, w, delta, e, -1.0, primaries)
+                    at = x + offset[e]
+                    if high > ends and at < columns:
+                        _add(total, line, at, r, g, b, a, w, delta, e, 1.0, primaries)
+                if low >= rises and x + low < columns:
+                    _add(total, line, x + low, r, g, b, a, w, run, 0, 1.0, primaries)
+                if high <= ends and x + high < columns:
+                    _add(total, line, x + high, r, g, b, a, w, run, 0, -1.0, primaries)
                 continue
             for p in range(len(primaries)):
                 run[0, p] = 0.0
@@ -356,6 +399,18 @@ def _add_masked_table(
                 _add(total, line, x + low, r, g, b, a, w, run, 0, 1.0, primaries)
             if x + high < columns and high < _WIDE:
                 _add(total, line, x + high, r, g, b, a, w, run, 1, -1.0, primaries)
+
+
+@jit.kernel(inline=True)
+def _place_of(bit: int) -> Any:
+    """Return the place of a number's only bit."""
+    return _BITS[((bit * 0x077CB531) & 0xFFFFFFFF) >> 27]
+
+
+@jit.kernel(inline=True)
+def _rows_of_cells(radius_y: float) -> float:
+    """Return the rows of cells in a pixel."""
+    return 0.5 * CELLS / max(radius_y, _NO_LIGHT)
 
 
 @jit.kernel(parallel=True)
@@ -410,7 +465,7 @@ def _scatter_bands(
                             _add_masked_table(
                                 total, plane, bottom - top, columns, t, x, y, r, g, b, a, w, first_row, rows,
                                 row_begin, row_end, offset, delta, symmetric, mirror, primaries,
-                                masks.cells, number, masks.radius_x[t], masks.radius_y[t], 0.5 * mirror, run,
+                                masks.cells, number, masks.cuts, masks.radius_y[t], run,
                             )  # fmt: skip
         for row in range(bottom - top):
             line = row * columns * channels
@@ -542,17 +597,16 @@ def _add_masked(
     cells: npt.NDArray[np.uint16],
 ) -> None:
     """Add samples that share a table through their masks, cell by cell."""
-    half = 0.5 * tables.mirror
-    edges = np.floor((np.arange(CELLS + 1) * _CELL - 1.0) * masks.radius_x[t] + half + 0.5).astype(np.int64)
-    edges[0], edges[-1] = -_WIDE, _WIDE
+    scale = _rows_of_cells(float(masks.radius_y[t]))
     for j in range(int(tables.rows[t + 1] - tables.rows[t])):
-        across = (int(tables.first_row[t]) + j + 0.5 - half) / max(float(masks.radius_y[t]), _NO_LIGHT)
-        row_bits = cells[:, min(max(math.floor((across + 1.0) / _CELL), 0), CELLS - 1)]
+        down = (int(tables.first_row[t]) + j + 0.5 - 0.5 * tables.mirror) * scale
+        cell_row = math.floor(down + 0.5 * CELLS)
+        row_bits = cells[:, min(max(cell_row, 0), CELLS - 1)]
         line = place + (int(tables.first_row[t]) + j) * stride
         offset, delta = _row_entries(tables, int(tables.rows[t]) + j)
         for cell in range(CELLS):
             lit = np.flatnonzero(row_bits >> cell & 1)
-            low, high = edges[cell], edges[cell + 1]
+            low, high = masks.cuts[t, cell], masks.cuts[t, cell + 1]
             if lit.size == 0 or low >= high:
                 continue
             before, within = offset <= low, (offset > low) & (offset < high)

@@ -29,7 +29,7 @@ from potmesil_addon.process import run
 from potmesil_addon.psf import PsfBuilder, PsfSettings, TableAssignment
 from potmesil_addon.samples import SampleLayer, Samples, Window
 from potmesil_addon.scatter import WHOLE as WHOLE_LIGHT
-from potmesil_addon.scatter import Masks, Scatter, scatter
+from potmesil_addon.scatter import Masks, Scatter, cuts_between_cells, scatter
 from potmesil_addon.visibility import CELLS, VISIBILITIES, aperture_cells, decide
 
 from .helpers import Array, Picture, focused, make_samples, polygon_vertices_by_hand, square_film
@@ -811,7 +811,7 @@ def mask_work(lens: Lens, kind: str, position: SamplePosition, circle: float) ->
         number=np.zeros(shape, dtype=np.int32),
         group=np.full(shape, WHOLE_LIGHT, dtype=np.uint8),
         cells=np.full((1, CELLS), ALL, dtype=np.uint16),
-        radius_x=np.array([radius / lens.anamorphic_ratio]),
+        cuts=cuts_between_cells(np.array([radius / lens.anamorphic_ratio]), work.tables.mirror),
         radius_y=np.array([radius]),
         sharp=np.zeros(work.shape, dtype=np.bool_),
     )
@@ -858,7 +858,8 @@ def test_mask_of_one_cell_lights_that_cell(part: tuple[float, float], kind: str,
     cells[0, row] = 1 << column
     light = reached_by(replace(work, masks=masks._replace(cells=cells)), backend)
     y, x = np.nonzero(light > 1e-9)
-    radius_x, radius_y = float(masks.radius_x[0]), float(masks.radius_y[0])
+    radius_y = float(masks.radius_y[0])
+    radius_x = radius_y / KINDS[kind].anamorphic_ratio
     # Pixel 30 has its middle at 0. A cell is rounded to pixels, and a rim's pixel reaches out by one.
     for place, middle, radius, number in ((x, 30, radius_x, column), (y, 23, radius_y, row)):
         low, high = (2.0 * number / CELLS - 1.0) * radius, (2.0 * (number + 1) / CELLS - 1.0) * radius
