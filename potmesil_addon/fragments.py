@@ -192,12 +192,17 @@ def fragments_of(
         own = _own_colors(color[0], radius[0], found)
     weight = np.zeros((rows, columns), dtype=np.float32)
     # Roots, so that a few lamps do not count for much.
-    usual = float(np.sqrt(np.maximum(own[..., :3], 0.0)).mean(dtype=np.float64)) ** 2 * 3.0
+    sums = np.zeros(rows)
+    _add_roots(own, sums)
+    usual = float(sums.sum() / (3 * rows * columns)) ** 2 * 3.0
     for axis in (0, 1):
         _carry_on(axis, own, depth[0], radius[0], jumps, stretch, usual, found, weight)
     _finish(weight, found.radius, found.color, found.coverage, found.guessed, found.doubt)
+    place = np.flatnonzero(found.guessed[1])
+    smooth = np.empty((place.size, 4), dtype=np.float32)
     for _ in range(_SMOOTHINGS):
-        _smooth(found.color[1].copy(), found.radius, found.coverage, found.guessed, found.color)
+        _smooth(place, found.radius, found.coverage, found.color, smooth)
+        found.color[1].reshape(-1, 4)[place] = smooth
     return found
 
 
@@ -678,12 +683,24 @@ def _keep_hidden(radius: Any, coverage: Any) -> None:
 
 def _own_colors(color: Float32Array, radius: Float32Array, found: Fragments) -> Float32Array:
     """Return the colours of the surfaces that the depths tell, clean of the others."""
-    split = found.coverage[0] < 1.0
     own = color.copy()
-    near = split & (radius == found.radius[0])
-    own[near] = found.color[0][near]
-    own[split & ~near] = found.color[1][split & ~near]
+    split = np.nonzero(found.coverage[0] < 1.0)
+    sheet = np.where(radius[split] == found.radius[0][split], 0, 1)
+    own[split] = found.color[(sheet, *split)]
     return own
+
+
+@jit.kernel(parallel=True)
+def _add_roots(color: Any, sums: Any) -> None:
+    """Add up the square roots of the colours of each row."""
+    rows, columns = color.shape[:2]
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        total = 0.0
+        for x in range(columns):
+            for c in range(3):
+                total += math.sqrt(max(color[y, x, c], 0.0))
+        sums[y] = total
 
 
 @jit.kernel()
@@ -814,21 +831,19 @@ def _finish(weight: Any, radius: Any, color: Any, coverage: Any, guessed: Any, d
 
 
 @jit.kernel(parallel=True)
-def _smooth(before: Any, radius: Any, coverage: Any, guessed: Any, color: Any) -> None:
-    """Average what was carried on with its neighbours of the same surface."""
-    rows, columns = guessed.shape[1:]
-    for row in jit.prange(rows):
-        y: Any = np.int64(row)
-        for x in range(columns):
-            if guessed[1, y, x] == 0.0:
-                continue
-            total = 0.0
-            r, g, b, a = 0.0, 0.0, 0.0, 0.0
-            for v in range(max(0, y - 1), min(rows, y + 2)):
-                for u in range(max(0, x - 1), min(columns, x + 2)):
-                    if coverage[1, v, u] > 0.0 and abs(radius[1, v, u] - radius[1, y, x]) <= _JUMP:
-                        total += 1.0
-                        r, g = r + before[v, u, 0], g + before[v, u, 1]
-                        b, a = b + before[v, u, 2], a + before[v, u, 3]
-            color[1, y, x, 0], color[1, y, x, 1] = r / total, g / total
-            color[1, y, x, 2], color[1, y, x, 3] = b / total, a / total
+def _smooth(place: Any, radius: Any, coverage: Any, color: Any, smooth: Any) -> None:
+    """Average what was carried on with its neighbours of the same surface, at the places given."""
+    rows, columns = coverage.shape[1:]
+    for number in jit.prange(place.size):
+        k: Any = np.int64(number)
+        y, x = place[k] // columns, place[k] % columns
+        total = 0.0
+        r, g, b, a = 0.0, 0.0, 0.0, 0.0
+        for v in range(max(0, y - 1), min(rows, y + 2)):
+            for u in range(max(0, x - 1), min(columns, x + 2)):
+                if coverage[1, v, u] > 0.0 and abs(radius[1, v, u] - radius[1, y, x]) <= _JUMP:
+                    total += 1.0
+                    r, g = r + color[1, v, u, 0], g + color[1, v, u, 1]
+                    b, a = b + color[1, v, u, 2], a + color[1, v, u, 3]
+        smooth[k, 0], smooth[k, 1] = r / total, g / total
+        smooth[k, 2], smooth[k, 3] = b / total, a / total

@@ -229,19 +229,19 @@ class PsfBuilder:
         steps = spacing.create(self, depth)
         position = steps.index(depth)
         if settings.lookup == "nearest":
-            index = np.rint(position).astype(np.int64)
+            below = np.rint(position)
             fraction = None
         else:
             below = np.floor(position)
-            index = below.astype(np.int64)
             fraction = (position - below).astype(np.float32)
-        first = int(index.min())
-        if int(index.max()) - first > _MAX_STEPS:
+        first = int(below.min())
+        if below.max() - first > _MAX_STEPS:
             raise SettingsError(
                 "The nearest and the farthest sample lie too many steps of tables apart; "
                 "use a larger step between them or tables at equal steps of the circle."
             )
-        used = np.bincount((index - first).reshape(-1)) > 0
+        index = (below - first).astype(np.int32)
+        used = np.bincount(index.reshape(-1)) > 0
         if fraction is not None:
             used = np.append(used, False)
             used[1:] |= used[:-1].copy()
@@ -253,9 +253,7 @@ class PsfBuilder:
             )
         compact = np.zeros(used.size, dtype=np.int32)
         compact[values] = np.arange(values.size)
-        return TableAssignment(
-            circles=steps.circle(values + first), table=compact[index - first], fraction=fraction
-        )
+        return TableAssignment(circles=steps.circle(values + first), table=compact[index], fraction=fraction)
 
     def tables(self, circles: FloatArray) -> Iterator[RowDifferences]:
         """Make tables one by one.

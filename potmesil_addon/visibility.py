@@ -241,10 +241,12 @@ def decide(
     # What lies behind, away from all edges, is not seen.
     share[1:] = 0.0
     number = np.full(coverage.shape, -1, dtype=np.int32)
-    hidden, hiding = _to_decide(fragments, cells.stretch)
+    limit = np.empty_like(fragments.radius)
+    _find_limits(fragments.radius, fragments.slope, limit)
+    hidden, hiding = _to_decide(fragments, limit, cells.stretch)
     if hidden.size == 0 or hiding.size == 0:
         return Seen(share, number, np.zeros((0, CELLS), dtype=np.uint16))
-    before, behind = _taken(fragments, hiding), _taken(fragments, hidden)
+    before, behind = _taken(fragments, hiding, limit), _taken(fragments, hidden, limit)
     shape = coverage.shape[1:]
     pinholes = cells.pinholes(_SPAN) if turn is None else cells.pinholes(2 * _SPAN, turn)
     squares = _squares_seen(before, behind, pinholes, shape, compiled)
@@ -255,7 +257,8 @@ def decide(
         bright = np.flatnonzero(_shows_its_shape(fragments, hidden[partly]))
         if bright.size:
             which, pinholes = partly[bright], cells.pinholes(1)
-            before = _taken(fragments, _hiding(fragments, hidden[which], cells.stretch))
+            hiding = _hiding(fragments, hidden[which], limit, cells.stretch)
+            before = _taken(fragments, hiding, limit)
             squares = _squares_seen(before, _some(behind, which), pinholes, shape, compiled)
             seen[which] = _shares(squares, cells.area, pinholes.span)
             mask[bright] = _masks(squares, behind.radius[which], pinholes.span)
@@ -295,24 +298,49 @@ def _some(points: _Points, which: npt.NDArray[np.int64]) -> _Points:
     return _Points(*(values[which] for values in points))
 
 
-def _taken(fragments: Fragments, which: npt.NDArray[np.int64]) -> _Points:
-    rows, columns = fragments.coverage.shape[1:]
-    y, x = np.divmod(which % (rows * columns), columns)
-    slope = fragments.slope.reshape(-1, 2)[which]
-    radius = fragments.radius.reshape(-1)[which]
-    return _Points(
-        x.astype(np.float32),
-        y.astype(np.float32),
-        radius,
-        np.ascontiguousarray(slope[:, 0]),
-        np.ascontiguousarray(slope[:, 1]),
-        fragments.coverage.reshape(-1)[which],
-        ((_LEVEL_X * x + _LEVEL_Y * y) % 1.0).astype(np.float32),
-        radius - np.float32(_TOLERANCE) - np.abs(slope).sum(axis=1),
-    )
+def _taken(fragments: Fragments, which: npt.NDArray[np.int64], limit: Float32Array) -> _Points:
+    """Return those fragments whose places are given; `limit` is that of all of them."""
+    taken = _Points(*(np.empty(which.size, dtype=np.float32) for _ in _Points._fields))
+    _take(
+        which, fragments.radius, fragments.slope, fragments.coverage, limit, fragments.radius.shape[2],
+        *taken,
+    )  # fmt: skip
+    return taken
 
 
-def _to_decide(fragments: Fragments, stretch: float) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+@jit.kernel(parallel=True)
+def _take(
+    which: Any, radius: Any, slope: Any, coverage: Any, limit: Any, columns: int,
+    out_x: Any, out_y: Any, out_radius: Any, out_slope_x: Any, out_slope_y: Any,
+    out_coverage: Any, out_level: Any, out_visible_to: Any,
+) -> None:  # fmt: skip
+    rows = radius.shape[1]
+    for number in jit.prange(which.size):
+        k: Any = np.int64(number)
+        sheet, place = which[k] // (rows * columns), which[k] % (rows * columns)
+        y, x = place // columns, place % columns
+        out_x[k], out_y[k], out_radius[k] = x, y, radius[sheet, y, x]
+        out_slope_x[k], out_slope_y[k] = slope[sheet, y, x, 0], slope[sheet, y, x, 1]
+        out_coverage[k], out_visible_to[k] = coverage[sheet, y, x], limit[sheet, y, x]
+        level = _LEVEL_X * x + _LEVEL_Y * y
+        out_level[k] = level - math.floor(level)
+
+
+@jit.kernel(parallel=True)
+def _find_limits(radius: Any, slope: Any, limit: Any) -> None:
+    """Find the least radius before each fragment that hides nothing."""
+    sheets, rows, columns = radius.shape
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        for sheet in range(sheets):
+            for x in range(columns):
+                rise = abs(slope[sheet, y, x, 0]) + abs(slope[sheet, y, x, 1])
+                limit[sheet, y, x] = radius[sheet, y, x] - np.float32(_TOLERANCE) - rise
+
+
+def _to_decide(
+    fragments: Fragments, limit: Float32Array, stretch: float
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Return which fragments something may hide in parts, and which may hide them.
 
     A surface of radius r hides one of R from a point of the aperture only if they are no farther apart than
@@ -325,25 +353,21 @@ def _to_decide(fragments: Fragments, stretch: float) -> tuple[npt.NDArray[np.int
     lowest = _lowest_around(fragments.reach * np.float32(stretch), near)
     may_be = solid & (away <= (fragments.radius - lowest) * np.float32(stretch) + np.float32(1.0))
     least = -_beside(_cones(-near * np.float32(stretch)))
-    may_be[0] &= _visible_to(fragments)[0] * np.float32(stretch) + np.float32(_WIDTHS) >= least
+    may_be[0] &= limit[0] * np.float32(stretch) + np.float32(_WIDTHS) >= least
     hidden = np.flatnonzero(may_be)
-    return hidden, _hiding(fragments, hidden, stretch)
+    return hidden, _hiding(fragments, hidden, limit, stretch)
 
 
-def _hiding(fragments: Fragments, hidden: npt.NDArray[np.int64], stretch: float) -> npt.NDArray[np.int64]:
+def _hiding(
+    fragments: Fragments, hidden: npt.NDArray[np.int64], limit: Float32Array, stretch: float
+) -> npt.NDArray[np.int64]:
     """Return which fragments may hide some of those given."""
-    limit = np.full(fragments.radius.shape, np.float32(-np.inf))
-    limit.reshape(-1)[hidden] = _visible_to(fragments).reshape(-1)[hidden]
-    far = limit.max(axis=0)
-    most = _beside(_cones(far * np.float32(stretch))) + np.float32(_WIDTHS)
-    before = (fragments.radius * np.float32(stretch) <= most) | (fragments.radius < far)
+    far = np.full(limit.shape, np.float32(-np.inf))
+    far.reshape(-1)[hidden] = limit.reshape(-1)[hidden]
+    farthest = far.max(axis=0)
+    most = _beside(_cones(farthest * np.float32(stretch))) + np.float32(_WIDTHS)
+    before = (fragments.radius * np.float32(stretch) <= most) | (fragments.radius < farthest)
     return np.flatnonzero((fragments.coverage > 0.0) & before)
-
-
-def _visible_to(fragments: Fragments) -> Float32Array:
-    """Return the least radius before each fragment that hides nothing."""
-    slope = np.abs(fragments.slope[..., 0]) + np.abs(fragments.slope[..., 1])
-    return np.asarray(fragments.radius - np.float32(_TOLERANCE) - slope)
 
 
 def _cones(peaks: Float32Array) -> Float32Array:
@@ -376,13 +400,23 @@ def _fall(heights: Any) -> None:
 
 def _beside(heights: Float32Array) -> Float32Array:
     """Return how high the cones that stand over other pixels are."""
+    highest = np.empty_like(heights)
+    _find_beside(heights, highest)
+    return highest
+
+
+@jit.kernel(parallel=True)
+def _find_beside(heights: Any, highest: Any) -> None:
     rows, columns = heights.shape
-    around = np.pad(heights, 1, constant_values=-np.inf)
-    highest = np.full((rows, columns), np.float32(-np.inf))
-    for j, i in np.ndindex(3, 3):
-        if (j, i) != (1, 1):
-            np.maximum(highest, around[j : j + rows, i : i + columns], out=highest)
-    return highest - np.float32(1.0)
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        for x in range(columns):
+            found = np.float32(-np.inf)
+            for v in range(max(0, y - 1), min(rows, y + 2)):
+                for u in range(max(0, x - 1), min(columns, x + 2)):
+                    if v != y or u != x:
+                        found = max(found, heights[v, u])
+            highest[y, x] = found - np.float32(1.0)
 
 
 def _lowest_around(reach: Float32Array, radius: Float32Array) -> Float32Array:
