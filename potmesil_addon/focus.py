@@ -192,11 +192,15 @@ def focus_layer(
     for done in scatter(work, target, reached, settings.backend):
         yield 0.2 + 0.6 * done
     picture[seen.within(display)] = target
-    doubtful = (sources.guessed > 0.0) | (sources.doubt > 0.0)
-    if doubtful.any():
-        quality = np.zeros((*doubtful.shape, 4), dtype=np.float32)
-        quality[..., 0], quality[..., 1] = sources.guessed, sources.doubt
-        only = replace(work, color=quality, weight=np.where(doubtful, work.weight, np.float32(0.0)))
+    doubtful = np.nonzero((sources.guessed > 0.0) | (sources.doubt > 0.0))
+    if doubtful[0].size:
+        # Written where there is something: the rest of such arrays takes no memory.
+        quality = np.zeros((*work.weight.shape, 4), dtype=np.float32)
+        quality[..., 0][doubtful] = sources.guessed[doubtful]
+        quality[..., 1][doubtful] = sources.doubt[doubtful]
+        weight = np.zeros(work.weight.shape, dtype=np.float32)
+        weight[doubtful] = work.weight[doubtful]
+        only = replace(work, color=quality, weight=weight)
         their_share = np.zeros_like(reached)
         for done in scatter(only, target, their_share, settings.backend):
             yield 0.8 + 0.2 * done
@@ -240,8 +244,11 @@ def _sources(
     views = [layer, *(view for view in layer.hidden if view.depth is not None)]
     pitch = settings.film.pitch_x
     cells = aperture_cells(settings.lens, pitch / settings.film.pitch_y)
-    colors = np.stack([view.color for view in views])
-    depths = np.stack([view.depth for view in views if view.depth is not None])
+    if len(views) == 1:
+        colors, depths = layer.color[np.newaxis], layer.depth[np.newaxis]
+    else:
+        colors = np.stack([view.color for view in views])
+        depths = np.stack([view.depth for view in views if view.depth is not None])
     circles = circle_of_confusion(depths, settings.lens, settings.model)
     radius = np.clip(0.5 / pitch * circles, -MOST_RADIUS, MOST_RADIUS).astype(np.float32)
     fragments = fragments_of(

@@ -299,106 +299,84 @@ def _add_row(
                 _add(total, line, at, r, g, b, a, w, delta, e, -1.0, primaries)
 
 
+@jit.kernel()
+def _add_part_of_row(
+    total: Any, line: int, x: int, columns: int, r: float, g: float, b: float, a: float, w: float,
+    begin: int, end: int, offset: Any, delta: Any, symmetric: bool, mirror: int, primaries: tuple[int, ...],
+    low: int, high: int, run: Any,
+) -> None:  # fmt: skip
+    """Add what lies from column `low` up to `high` of a table's row.
+
+    It opens with the value that the row has there, follows the row, and closes. `run` has room for two
+    entries.
+    """
+    for p in range(len(primaries)):
+        run[0, p] = 0.0
+        run[1, p] = 0.0
+    for e in range(begin, end):
+        for side in range(2 if symmetric else 1):
+            at = offset[e] if side == 0 else mirror - offset[e]
+            sign = 1.0 if side == 0 else -1.0
+            if at <= low:
+                for p in range(len(primaries)):
+                    run[0, p] += sign * delta[e, p]
+            elif at < high and x + at < columns:
+                _add(total, line, x + at, r, g, b, a, w, delta, e, sign, primaries)
+            if at < high:
+                for p in range(len(primaries)):
+                    run[1, p] += sign * delta[e, p]
+    for e in range(2):
+        at = low if e == 0 else high
+        if abs(at) < _WIDE and x + at < columns:
+            _add(total, line, x + at, r, g, b, a, w, run, e, 1.0 - 2.0 * e, primaries)
+
+
 @jit.kernel(inline=True)
 def _add_table(
     total: Any, plane: int, height: int, columns: int,
     t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
     first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any,
-    symmetric: bool, mirror: int, primaries: tuple[int, ...],
+    symmetric: bool, mirror: int, primaries: tuple[int, ...], masks: Any, number: int, run: Any,
 ) -> None:  # fmt: skip
-    """Add one sample through table `t` to a band of sums; `y` counts from the band's first row."""
-    start = y + first_row[t]
-    first = rows[t]
-    stride = columns * (4 + len(primaries))
-    for j in range(max(0, -start), min(rows[t + 1] - first, height - start)):
-        _add_row(
-            total, plane + (start + j) * stride, x, columns, r, g, b, a, w, row_begin[first + j],
-            row_end[first + j], offset, delta, symmetric, mirror, primaries,
-        )  # fmt: skip
+    """Add one sample through table `t` to a band of sums; `y` counts from the band's first row.
 
-
-@jit.kernel(inline=True)
-def _add_masked_table(
-    total: Any, plane: int, height: int, columns: int,
-    t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
-    first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any,
-    symmetric: bool, mirror: int, primaries: tuple[int, ...],
-    cells: Any, number: int, cuts: Any, radius_y: float, run: Any,
-) -> None:  # fmt: skip
-    """Add those parts of one sample's table that its mask lets through.
-
-    Runs of cells in a row are cut out of the table's row: it opens with the value that it has at the run's
-    begin, follows the table, and closes at the run's end. `run` has room for two entries.
+    Of a sample with a mask, those parts that it lets through: runs of cells in each row.
     """
     start = y + first_row[t]
     first = rows[t]
     stride = columns * (4 + len(primaries))
-    scale = _rows_of_cells(radius_y)
+    scale = _rows_of_cells(masks.radius_y[t]) if number >= 0 else 0.0
     for j in range(max(0, -start), min(rows[t + 1] - first, height - start)):
-        down = (first_row[t] + j + 0.5 - 0.5 * mirror) * scale
-        cell_row = min(max(math.floor(down + 0.5 * CELLS), 0), CELLS - 1)
-        bits = int(cells[number, cell_row])
         line = plane + (start + j) * stride
         begin, end = row_begin[first + j], row_end[first + j]
-        if bits == 0 or begin == end:
+        if begin == end:
             continue
-        # The row rises over some pixels, is level, and in a symmetric table falls as it rose.
-        falls, ends = offset[begin], offset[end - 1]
-        rises, level = mirror - ends, mirror - falls
-        has_level = symmetric and level < falls
+        bits = 1
+        if number >= 0:
+            down = (first_row[t] + j + 0.5 - 0.5 * mirror) * scale
+            bits = int(masks.cells[number, min(max(math.floor(down + 0.5 * CELLS), 0), CELLS - 1)])
         while bits != 0:
             # A carry through the lowest run of bits puts one past its end.
             lowest = bits & -bits
             carried = bits + lowest
             bits &= carried
-            low, high = cuts[t, _place_of(lowest)], cuts[t, _place_of(carried & -carried)]
-            if low >= high:
-                continue
-            if has_level and (low < rises or level <= low < falls) and (high > ends or level < high <= falls):
-                # Almost all cuts: none of them within the rise or the fall.
-                if low < rises and high > ends:
-                    _add_row(
-                        total, line, x, columns, r, g, b, a, w, begin, end, offset, delta, symmetric, mirror,
-                        primaries,
-                    )  # fmt: skip
+            low, high = -_WIDE, _WIDE
+            if number >= 0:
+                low, high = masks.cuts[t, _place_of(lowest)], masks.cuts[t, _place_of(carried & -carried)]
+                if low >= high:
                     continue
-                for p in range(len(primaries)):
-                    run[0, p] = 0.0
-                for e in range(begin, end):
-                    for p in range(len(primaries)):
-                        run[0, p] -= delta[e, p]
-                    at = x + mirror - offset[e]
-                    if low < rises and at < columns:
-                        _add(total, line, at, r, g, b, a, w, delta, e, -1.0, primaries)
-                    at = x + offset[e]
-                    if high > ends and at < columns:
-                        _add(total, line, at, r, g, b, a, w, delta, e, 1.0, primaries)
-                if low >= rises and x + low < columns:
-                    _add(total, line, x + low, r, g, b, a, w, run, 0, 1.0, primaries)
-                if high <= ends and x + high < columns:
-                    _add(total, line, x + high, r, g, b, a, w, run, 0, -1.0, primaries)
-                continue
-            for p in range(len(primaries)):
-                run[0, p] = 0.0
-                run[1, p] = 0.0
-            for e in range(begin, end):
-                for side in range(2):
-                    if side == 1 and not symmetric:
-                        break
-                    at = offset[e] if side == 0 else mirror - offset[e]
-                    sign = 1.0 if side == 0 else -1.0
-                    if at <= low:
-                        for p in range(len(primaries)):
-                            run[0, p] += sign * delta[e, p]
-                    elif at < high and x + at < columns:
-                        _add(total, line, x + at, r, g, b, a, w, delta, e, sign, primaries)
-                    if at < high:
-                        for p in range(len(primaries)):
-                            run[1, p] += sign * delta[e, p]
-            if x + low < columns and low > -_WIDE:
-                _add(total, line, x + low, r, g, b, a, w, run, 0, 1.0, primaries)
-            if x + high < columns and high < _WIDE:
-                _add(total, line, x + high, r, g, b, a, w, run, 1, -1.0, primaries)
+            # Of a symmetric table the last entry lies farthest out; of others it is not known.
+            farthest = offset[end - 1] if symmetric else _WIDE - 1
+            if low < mirror - farthest and high > farthest:
+                _add_row(
+                    total, line, x, columns, r, g, b, a, w, begin, end, offset, delta, symmetric, mirror,
+                    primaries,
+                )  # fmt: skip
+            else:
+                _add_part_of_row(
+                    total, line, x, columns, r, g, b, a, w, begin, end, offset, delta, symmetric, mirror,
+                    primaries, low, high, run,
+                )  # fmt: skip
 
 
 @jit.kernel(inline=True)
@@ -456,17 +434,11 @@ def _scatter_bands(
                         w: Any = np.float32(whole * (after if further == 1 else 1.0 - after))
                         r, g = color[sheet, row, column, 0] * w, color[sheet, row, column, 1] * w
                         b, a = color[sheet, row, column, 2] * w, color[sheet, row, column, 3] * w
-                        if number < 0:
-                            _add_table(
-                                total, plane, bottom - top, columns, t, x, y, r, g, b, a, w, first_row, rows,
-                                row_begin, row_end, offset, delta, symmetric, mirror, primaries,
-                            )  # fmt: skip
-                        else:
-                            _add_masked_table(
-                                total, plane, bottom - top, columns, t, x, y, r, g, b, a, w, first_row, rows,
-                                row_begin, row_end, offset, delta, symmetric, mirror, primaries,
-                                masks.cells, number, masks.cuts, masks.radius_y[t], run,
-                            )  # fmt: skip
+                        _add_table(
+                            total, plane, bottom - top, columns, t, x, y, r, g, b, a, w, first_row, rows,
+                            row_begin, row_end, offset, delta, symmetric, mirror, primaries,
+                            masks, number, run,
+                        )  # fmt: skip
         for row in range(bottom - top):
             line = row * columns * channels
             for first in range(line, total.size, size):
