@@ -31,7 +31,7 @@ FIGURES_ARGS ?=
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .PHONY: help setup system-packages demo test test-all test-others test-gui benchmark bench-fidelity \
-	bench-flicker figures scenes extension extension-release lint format docs clean
+	bench-flicker bench-speed figures scenes extension extension-release lint format docs clean
 
 help:  ## list these targets
 	@echo "make TARGET [BLENDER_VERSION=$(BLENDER_VERSION)]   (one of $(BLENDER_VERSIONS))"
@@ -110,6 +110,10 @@ bench-fidelity: $(BENCH)/.stamp  ## measure depth of field against Cycles, Defoc
 
 bench-flicker: $(BENCH)/.stamp  ## measure flicker in a focus pull and a camera move, into build/bench/flicker
 	$(BENCH)/bin/python benchmarks/flicker.py $(BENCH_ARGS)
+
+# BLENDER names the Blender whose nodes are timed; without it that is the module bpy.
+bench-speed: $(BENCH)/.stamp  ## measure speed and memory beside Defocus, Vector Blur, GEGL and Cycles, into build/bench/speed
+	$(BENCH)/bin/python benchmarks/speed.py $(BENCH_ARGS)
 
 benchmark: $(BENCH)/.stamp  ## measure motion blur against Cycles and Vector Blur, into build/bench/motion
 	$(BENCH)/bin/python benchmarks/motion_fidelity.py $(BENCH_ARGS)
