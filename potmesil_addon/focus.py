@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final, Literal
 
 import numpy as np
@@ -192,17 +192,13 @@ def focus_layer(
     for done in scatter(work, target, reached, settings.backend):
         yield 0.2 + 0.6 * done
     picture[seen.within(display)] = target
-    doubtful = np.nonzero((sources.guessed > 0.0) | (sources.doubt > 0.0))
-    if doubtful[0].size:
-        # Written where there is something: the rest of such arrays takes no memory.
-        quality = np.zeros((*work.weight.shape, 4), dtype=np.float32)
-        quality[..., 0][doubtful] = sources.guessed[doubtful]
-        quality[..., 1][doubtful] = sources.doubt[doubtful]
-        weight = np.zeros(work.weight.shape, dtype=np.float32)
-        weight[doubtful] = work.weight[doubtful]
-        only = replace(work, color=quality, weight=weight)
+    doubtful = (sources.guessed > 0.0) | (sources.doubt > 0.0)
+    if doubtful.any():
+        # The same fragments once more, with what is not sure in place of their colours, which are done with.
+        work.weight[~doubtful] = 0.0
+        work.color[doubtful, 0], work.color[doubtful, 1] = sources.guessed[doubtful], sources.doubt[doubtful]
         their_share = np.zeros_like(reached)
-        for done in scatter(only, target, their_share, settings.backend):
+        for done in scatter(work, target, their_share, settings.backend):
             yield 0.8 + 0.2 * done
         share = np.divide(their_share, reached, out=np.zeros_like(reached), where=reached > 0.0)
         within = seen.within(display)
@@ -249,8 +245,7 @@ def _sources(
     else:
         colors = np.stack([view.color for view in views])
         depths = np.stack([view.depth for view in views if view.depth is not None])
-    circles = circle_of_confusion(depths, settings.lens, settings.model)
-    radius = np.clip(0.5 / pitch * circles, -MOST_RADIUS, MOST_RADIUS).astype(np.float32)
+    radius = _radii(depths, settings)
     fragments = fragments_of(
         colors,
         depths,
@@ -274,7 +269,7 @@ def _sources(
     radius_x = 0.5 * np.abs(assignment.circles) / pitch * cells.stretch_x
     weight = _weights(fragments.depth, settings.weighting) * fragments.coverage
     # Of a small circle the parts are not told apart: it is only as much weaker as it is hidden.
-    small = radius_x[assignment.table] < _LEAST_MASKED
+    small = (radius_x < _LEAST_MASKED)[assignment.table]
     number = np.where(small, np.int32(-1), visible.number)
     group = np.where(visible.share == 1.0, np.uint8(WHOLE), np.uint8(PARTLY))
     group[(group == PARTLY) & (fragments.radius > _IN_FOCUS)] = BEHIND
@@ -291,6 +286,15 @@ def _sources(
     return _Sources(
         fragments.color, weight, fragments.guessed, fragments.doubt, assignment, tables, masks, left, above
     )
+
+
+def _radii(depths: Float32Array, settings: FocusSettings) -> Float32Array:
+    """Return the signed radii of circles of confusion, in pixels along x."""
+    radius = np.empty(depths.shape, dtype=np.float32)
+    for view, depth in enumerate(depths):
+        circles = circle_of_confusion(depth, settings.lens, settings.model)
+        radius[view] = np.clip(0.5 / settings.film.pitch_x * circles, -MOST_RADIUS, MOST_RADIUS)
+    return radius
 
 
 def _seen_window(samples: Samples) -> Window:

@@ -41,6 +41,9 @@ MAX_TABLES: Final = 20_000
 
 _MAX_STEPS: Final = 1 << 24
 
+_AT_ONCE: Final = 1 << 20
+"""Samples whose circles are worked out at a time."""
+
 _LARGEST_CIRCLE: Final = 32768.0
 """Diameter in pixels past which a sample, spread ever thinner, counts as spread no wider."""
 
@@ -229,7 +232,7 @@ class PsfBuilder:
         steps = spacing.create(self, depth)
         position = steps.index(depth)
         if settings.lookup == "nearest":
-            below = np.rint(position)
+            below = np.rint(position, out=position)
             fraction = None
         else:
             below = np.floor(position)
@@ -240,7 +243,9 @@ class PsfBuilder:
                 "The nearest and the farthest sample lie too many steps of tables apart; "
                 "use a larger step between them or tables at equal steps of the circle."
             )
-        index = (below - first).astype(np.int32)
+        below -= first
+        index = below.astype(np.int32)
+        del below, position
         used = np.bincount(index.reshape(-1)) > 0
         if fraction is not None:
             used = np.append(used, False)
@@ -421,15 +426,20 @@ class _EqualCircles:
         return cls(builder.film.pitch_x, builder, step, even_until=max(16.0 if lommel else 32.0, 8.0 * step))
 
     def index(self, depth: npt.NDArray[np.floating]) -> FloatArray:
-        circle = circle_of_confusion(depth, self.builder.lens, self.builder.model) / self.scale
-        if jit.HAVE_NUMBA:
-            position = np.empty_like(circle)
-            _even_then_grown(circle.reshape(-1), self.even_until, self.step, position.reshape(-1))
-            return position
-        size = np.minimum(np.abs(circle), _LARGEST_CIRCLE)
-        with np.errstate(divide="ignore"):
-            grown = self.even_until * (1.0 + np.log(size / self.even_until))
-        return np.asarray(np.sign(circle) * np.where(size <= self.even_until, size, grown) / self.step)
+        position = np.empty(depth.shape)
+        flat, depths = position.reshape(-1), depth.reshape(-1)
+        # In parts: a large frame's circles in double precision would be the most memory of all.
+        for first in range(0, flat.size, _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            circle = circle_of_confusion(depths[part], self.builder.lens, self.builder.model) / self.scale
+            if jit.HAVE_NUMBA:
+                _even_then_grown(circle, self.even_until, self.step, flat[part])
+                continue
+            size = np.minimum(np.abs(circle), _LARGEST_CIRCLE)
+            with np.errstate(divide="ignore"):
+                grown = self.even_until * (1.0 + np.log(size / self.even_until))
+            flat[part] = np.sign(circle) * np.where(size <= self.even_until, size, grown) / self.step
+        return position
 
     def circle(self, index: IntArray) -> FloatArray:
         size = np.abs(index) * self.step

@@ -7,6 +7,7 @@ each of some dozens of points, in cells that divide the aperture.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import Any, Final, Literal, NamedTuple
@@ -351,7 +352,10 @@ def _to_decide(
     # Along a surface without edges nothing is hidden, and what lies behind it is not seen.
     away = ndimage.distance_transform_cdt(fragments.reach == 0.0, metric="chessboard")
     lowest = _lowest_around(fragments.reach * np.float32(stretch), near)
-    may_be = solid & (away <= (fragments.radius - lowest) * np.float32(stretch) + np.float32(1.0))
+    may_be = solid
+    for sheet, radius in enumerate(fragments.radius):
+        may_be[sheet] &= away <= (radius - lowest) * np.float32(stretch) + np.float32(1.0)
+    del away, lowest
     least = -_beside(_cones(-near * np.float32(stretch)))
     may_be[0] &= limit[0] * np.float32(stretch) + np.float32(_WIDTHS) >= least
     hidden = np.flatnonzero(may_be)
@@ -362,12 +366,17 @@ def _hiding(
     fragments: Fragments, hidden: npt.NDArray[np.int64], limit: Float32Array, stretch: float
 ) -> npt.NDArray[np.int64]:
     """Return which fragments may hide some of those given."""
-    far = np.full(limit.shape, np.float32(-np.inf))
-    far.reshape(-1)[hidden] = limit.reshape(-1)[hidden]
-    farthest = far.max(axis=0)
+    farthest = np.full(limit.shape[1:], np.float32(-np.inf))
+    # Views of one pixel come one after the other.
+    for first, last in itertools.pairwise(np.searchsorted(hidden, np.arange(len(limit) + 1) * farthest.size)):
+        place = hidden[first:last] % farthest.size
+        flat = farthest.reshape(-1)
+        flat[place] = np.maximum(flat[place], limit.reshape(-1)[hidden[first:last]])
     most = _beside(_cones(farthest * np.float32(stretch))) + np.float32(_WIDTHS)
-    before = (fragments.radius * np.float32(stretch) <= most) | (fragments.radius < farthest)
-    return np.flatnonzero((fragments.coverage > 0.0) & before)
+    before = fragments.coverage > 0.0
+    for sheet, radius in enumerate(fragments.radius):
+        before[sheet] &= (radius * np.float32(stretch) <= most) | (radius < farthest)
+    return np.flatnonzero(before)
 
 
 def _cones(peaks: Float32Array) -> Float32Array:
