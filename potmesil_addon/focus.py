@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from .camera import Film
 from .errors import InputError
-from .fragments import carried_past_the_border, fragments_of
+from .fragments import Fragments, carried_past_the_border, fragments_of
 from .lens import CocModel, Lens, circle_of_confusion
 from .psf import PackedTables, PsfBuilder, PsfSettings, TableAssignment, circles_for_filtered_samples
 from .samples import Float32Array, SampleLayer, Samples, Window
@@ -261,7 +261,7 @@ def _sources(
         fragments = carried_past_the_border(fragments, beyond)
     compiled = uses_numba(settings.backend)
     visible = decide(fragments, cells, turn, compiled=compiled)
-    assignment = builder.assign(fragments.depth)
+    assignment = _assigned(builder, fragments)
     spread = assignment.circles
     if settings.psf.kind == "disc" and samples.position == "center":
         spread = circles_for_filtered_samples(spread, pitch)
@@ -286,6 +286,22 @@ def _sources(
     return _Sources(
         fragments.color, weight, fragments.guessed, fragments.doubt, assignment, tables, masks, left, above
     )
+
+
+def _assigned(builder: PsfBuilder, fragments: Fragments) -> TableAssignment:
+    """Choose the tables of all that a pinhole sees, and of those that are there behind it."""
+    behind = np.nonzero(fragments.coverage[1:] > 0.0)
+    depths = fragments.depth
+    chosen = builder.assign(np.concatenate([depths[0].reshape(-1), depths[1:][behind]]))
+
+    def in_sheets(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        sheets = np.zeros(depths.shape, dtype=values.dtype)
+        sheets[0] = values[: depths[0].size].reshape(depths[0].shape)
+        sheets[1:][behind] = values[depths[0].size :]
+        return sheets
+
+    fraction = None if chosen.fraction is None else in_sheets(chosen.fraction)
+    return TableAssignment(chosen.circles, in_sheets(chosen.table), fraction)
 
 
 def _radii(depths: Float32Array, settings: FocusSettings) -> Float32Array:

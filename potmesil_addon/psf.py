@@ -277,7 +277,7 @@ class PsfBuilder:
             yield from self._lommel_tables(circles)
         elif self.lens.is_round:
             for circle in np.abs(circles):
-                yield ellipse_rows(*self._radii(0.5 * circle), self.position)
+                yield _disc_rows(*self._radii(0.5 * float(circle)), self.position)
         else:
             lens = self.lens
             corners = polygon_vertices(lens.blades, lens.blade_rotation, lens.anamorphic_ratio)
@@ -518,6 +518,12 @@ def _variances() -> tuple[FloatArray, FloatArray]:
         at = np.arange(values.size) - values.size // 2
         variance[k] = values @ (at * at)
     return radius, variance
+
+
+@functools.lru_cache(maxsize=1024)
+def _disc_rows(radius_x: float, radius_y: float, position: SamplePosition) -> RowDifferences:
+    """Return a disc's table; frame after frame has circles of the same steps."""
+    return ellipse_rows(radius_x, radius_y, position)
 
 
 def _rounded(table: RowDifferences) -> FloatArray:

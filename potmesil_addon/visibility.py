@@ -7,6 +7,7 @@ each of some dozens of points, in cells that divide the aperture.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from dataclasses import dataclass
@@ -62,6 +63,9 @@ MOST_RADIUS: Final = 4096.0
 _STRIDE: Final = 7
 """Step through the cells of a square from one turn to the next; it has no factor in common with their
 number."""
+
+_BITS_AT_ONCE: Final = 8
+"""Squares of a row whose areas are looked up together."""
 
 _ROUNDING: Final = 1e-9
 """Share of the aperture that is none."""
@@ -163,13 +167,21 @@ def aperture_cells(lens: Lens, pixel_ratio: float) -> ApertureCells:
     ApertureCells
         The cells.
     """
+    return _cells(
+        0 if lens.is_round else lens.blades, lens.blade_rotation, lens.anamorphic_ratio, pixel_ratio
+    )
+
+
+@functools.lru_cache(maxsize=16)
+def _cells(blades: int, rotation: float, anamorphic_ratio: float, pixel_ratio: float) -> ApertureCells:
+    """Divide an aperture into cells; frame after frame has the same one."""
     count = CELLS * _FINE
     fine = (np.arange(count) + 0.5) / count * 2.0 - 1.0
     x, y = np.meshgrid(fine, fine)
-    if lens.is_round:
+    if blades == 0:
         inside = x * x + y * y <= 1.0
     else:
-        corners = polygon_vertices(lens.blades, lens.blade_rotation, 1.0)
+        corners = polygon_vertices(blades, rotation, 1.0)
         edges = np.roll(corners, -1, axis=0) - corners
         # Rows count downwards, the corners' y upwards.
         inside = np.all(
@@ -192,7 +204,7 @@ def aperture_cells(lens: Lens, pixel_ratio: float) -> ApertureCells:
         exact = off[k] <= 0.5 / _FINE**2
         point_x[j, i] = (i + (within[j] if exact else (u[k] + 0.5) / _FINE)) / CELLS * 2.0 - 1.0
         point_y[j, i] = (j + (within[i] if exact else (v[k] + 0.5) / _FINE)) / CELLS * 2.0 - 1.0
-    stretch_x, stretch_y = 1.0 / lens.anamorphic_ratio, pixel_ratio
+    stretch_x, stretch_y = 1.0 / anamorphic_ratio, pixel_ratio
     return ApertureCells(point_x * stretch_x, point_y * stretch_y, area, stretch_x, stretch_y)
 
 
@@ -596,25 +608,28 @@ def _look_numpy(
 
 
 @jit.kernel(parallel=True)
-def _add_shares(squares: Any, area: Any, share: Any) -> None:
-    """Add up the areas of the squares that see each fragment."""
-    chunks = -(-share.size // _CHUNK)
-    for number in jit.prange(chunks):
-        chunk: Any = np.int64(number)
-        first = chunk * _CHUNK
-        end = min(first + _CHUNK, share.size)
+def _add_shares(squares: Any, area: Any, bits: int, share: Any) -> None:
+    """Add up the areas of the squares that see each fragment, a few squares of a row at a time.
+
+    `area` has the sum for all squares that those few `bits` may tell of: (rows, parts of a row, sums).
+    """
+    for number in jit.prange(share.size):
+        k: Any = np.int64(number)
+        total = 0.0
         for row in range(area.shape[0]):
-            for column in range(area.shape[1]):
-                part = area[row, column]
-                for k in range(first, end):
-                    share[k] += part if (squares[row, k] >> column) & 1 == 1 else 0.0
+            for part in range(area.shape[1]):
+                total += area[row, part, (squares[row, k] >> (part * bits)) & (area.shape[2] - 1)]
+        share[k] = total
 
 
 def _shares(squares: Mask, area: FloatArray, span: int) -> Float32Array:
     """Return the share of the aperture that sees each fragment."""
     count = CELLS // span
-    share = np.zeros(squares.shape[1])
-    _add_shares(squares, area.reshape(count, span, count, span).sum(axis=(1, 3)), share)
+    bits = min(count, _BITS_AT_ONCE)
+    parts = area.reshape(count, span, count // bits, bits, span).sum(axis=(1, 4))
+    told = (np.arange(1 << bits)[:, np.newaxis] >> np.arange(bits)) & 1
+    share = np.empty(squares.shape[1])
+    _add_shares(squares, parts @ told.T, bits, share)
     # Sums of the same areas in another order.
     share[share > 1.0 - _ROUNDING] = 1.0
     return share.astype(np.float32)
