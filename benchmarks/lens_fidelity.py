@@ -68,8 +68,10 @@ OURS = {
     "eq22": ("ordinary", "none"),
     "ordinary": ("ordinary", "aperture"),
     "points": ("points", "aperture"),
+    "fine": ("fine", "aperture"),
     "hidden": ("hidden", "aperture"),
     "points_hidden": ("points_hidden", "aperture"),
+    "fine_hidden": ("fine_hidden", "aperture"),
 }
 """Our pictures: of which samples, and with what visibility. The first is the papers' equation alone."""
 
@@ -78,8 +80,10 @@ COLUMNS = {
     "eq22": "eq. 22",
     "ordinary": "ours",
     "points": "ours, points",
+    "fine": "ours, fine",
     "hidden": "ours, hidden",
     "points_hidden": "ours, points + hidden",
+    "fine_hidden": "ours, fine + hidden",
     "defocus": "Defocus",
     "gegl": "GEGL",
     "cycles": "Cycles, equal time",

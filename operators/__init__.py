@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import bpy
 
-from . import command, process, render, setup_passes
+from . import command, live, process, render, setup_passes
 
 CLASSES = (
     setup_passes.POTMESIL_OT_setup_passes,
     render.POTMESIL_OT_render,
     render.POTMESIL_OT_watch_render,
     process.POTMESIL_OT_process,
+    live.POTMESIL_OT_live,
+    live.POTMESIL_OT_end_live,
 )
 
 _command_handle = None
@@ -26,6 +28,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Unregister the command and the operators."""
+    live.shut_down()
     bpy.utils.unregister_cli_command(_command_handle)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
@@ -77,26 +77,35 @@ def process_settings(context: bpy.types.Context) -> ProcessSettings:
     The lens is the camera's and the exposure the scene's as they stand now; the film, and what moves
     where, are those of the samples file.
     """
-    from ..potmesil_addon.process import ProcessSettings  # noqa: PLC0415 - see kernels
-    from ..potmesil_addon.psf import PsfSettings  # noqa: PLC0415
-    from ..potmesil_addon.samples import LensAttributes  # noqa: PLC0415
+    from ..potmesil_addon.preview import settings_from_json  # noqa: PLC0415 - see kernels
 
+    return settings_from_json(settings_values(context))
+
+
+def settings_values(context: bpy.types.Context) -> dict[str, Any]:
+    """Return the same settings as plain values, without loading the processors.
+
+    Raises
+    ------
+    InputError
+        If the scene has no camera.
+    """
     scene = context.scene
     own = scene.potmesil_camera
     lens = scene_lens(evaluated_camera(scene, context.evaluated_depsgraph_get()))
-    return ProcessSettings(
-        use_lens=own.use_lens,
-        use_motion=own.use_motion,
-        lens=LensAttributes(**asdict(lens)),
-        shutter=panel_shutter(scene),
-        motion_model=own.motion_model,
-        model=own.coc_model,
-        psf=PsfSettings(kind=own.psf),
-        visibility=own.visibility,
+    return {
+        "use_lens": own.use_lens,
+        "use_motion": own.use_motion,
+        "lens": asdict(lens),
+        "shutter": asdict(panel_shutter(scene)),
+        "motion_model": own.motion_model,
+        "model": own.coc_model,
+        "psf": {"kind": own.psf},
+        "visibility": own.visibility,
         # Blender keeps camera lengths in millimetres.
-        uniform_defocus=own.uniform_defocus / 1000.0,
-        fade=own.fade,
-    )
+        "uniform_defocus": own.uniform_defocus / 1000.0,
+        "fade": own.fade,
+    }
 
 
 def panel_shutter(scene: bpy.types.Scene) -> ShutterAttributes:

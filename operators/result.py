@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -29,6 +30,54 @@ def store_result(picture: Float32Array) -> bpy.types.Image:
         The image, made where it was missing.
     """
     return _store(RESULT_NAME, picture)
+
+
+def store_resized(picture: Float32Array) -> bpy.types.Image:
+    """Put a picture of any size into the result; what an Image Editor shows keeps its place and size.
+
+    Parameters
+    ----------
+    picture : ndarray of float32 of shape (rows, columns, 4)
+        Row 0 on top.
+
+    Returns
+    -------
+    Image
+        The image.
+    """
+    image = bpy.data.images.get(RESULT_NAME)
+    if image is None or tuple(image.size) == (picture.shape[1], picture.shape[0]):
+        return store_result(picture)
+    views = list(_views_of(image))
+    image = store_result(picture)
+    for window, area, region, zoom, middle in views:
+        space: Any = area.spaces.active
+        if space.image != image:
+            continue
+        with bpy.context.temp_override(window=window, area=area, region=region):
+            bpy.ops.image.view_zoom_ratio(ratio=zoom / picture.shape[1])
+            now = _middle(region)
+            columns, rows = picture.shape[1], picture.shape[0]
+            shift = (columns * (middle[0] - now[0]), rows * (middle[1] - now[1]))
+            if max(map(abs, shift)) >= 1.0:
+                bpy.ops.image.view_pan(offset=shift)
+    return image
+
+
+def _views_of(image: bpy.types.Image) -> Iterator[tuple[Any, Any, Any, float, tuple[float, float]]]:
+    """Yield where an image is shown: window, area, region, its width on the screen, what is in the middle."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            space: Any = area.spaces.active
+            if area.type == "IMAGE_EDITOR" and space.image == image:
+                region = next(region for region in area.regions if region.type == "WINDOW")
+                yield window, area, region, space.zoom[0] * image.size[0], _middle(region)
+
+
+def _middle(region: bpy.types.Region) -> tuple[float, float]:
+    """Return the place in the image, from 0 to 1, that is in a region's middle."""
+    x, y = region.view2d.region_to_view(0.5 * region.width, 0.5 * region.height)
+    return float(x), float(y)
 
 
 def store_map(name: str, values: Float32Array) -> bpy.types.Image:

@@ -55,6 +55,7 @@ class POTMESIL_PT_camera(_CameraPanel, bpy.types.Panel):
         row.enabled = not state.running
         row.operator("potmesil.render", icon="RENDER_STILL")
         row.operator("potmesil.process", icon="FILE_REFRESH")
+        _live(layout, context)
         if state.error:
             _sentence(layout, context, state.error, "CANCEL")
         if scene.camera is None or scene.camera.data != context.camera:
@@ -239,6 +240,65 @@ class POTMESIL_PT_collection(bpy.types.Panel):
         layout.prop(context.collection.potmesil_camera, "peel")
 
 
+class POTMESIL_PT_image(bpy.types.Panel):
+    """Focus, aperture and shutter beside the result."""
+
+    bl_label = "Potmesil Camera"
+    bl_space_type = "IMAGE_EDITOR"
+    bl_region_type = "UI"
+    bl_category = "Potmesil"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the buttons, and what can be changed after the render."""
+        layout = self.layout
+        state = context.window_manager.potmesil_camera
+        scene = context.scene
+        own = scene.potmesil_camera
+        if state.running:
+            layout.progress(factor=state.progress, text="Working (Esc to Cancel)")
+        row = layout.row(align=True)
+        row.scale_y = 1.4
+        row.enabled = not state.running
+        row.operator("potmesil.process", icon="FILE_REFRESH")
+        _live(layout, context)
+        if state.error:
+            _sentence(layout, context, state.error, "CANCEL")
+        if scene.camera is None or scene.camera.type != "CAMERA":
+            layout.label(text="The Scene Has No Camera", icon="INFO")
+            return
+        camera = scene.camera.data
+        layout.use_property_split = True
+        column = layout.column(align=True)
+        column.active = own.use_lens
+        column.prop(camera.dof, "focus_object", text="Focus on Object")
+        distance = column.row()
+        distance.active = camera.dof.focus_object is None
+        distance.prop(camera.dof, "focus_distance", text="Focus Distance")
+        column.prop(camera, "lens", text="Focal Length")
+        column.prop(camera.dof, "aperture_fstop", text="F-Stop")
+        column = layout.column(align=True)
+        column.active = own.use_motion
+        column.prop(scene.render, "motion_blur_position", text="Position")
+        column.prop(scene.render, "motion_blur_shutter", text="Shutter")
+
+
+def _live(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the switch of Live Focus, and below it what there is to say."""
+    state = context.window_manager.potmesil_camera
+    row = layout.row(align=True)
+    row.enabled = not state.running
+    row.operator(
+        "potmesil.live",
+        text="Confirm" if state.live else "Live Focus",
+        icon="CHECKMARK" if state.live else "PLAY",
+        depress=state.live,
+    )
+    if state.live:
+        row.operator("potmesil.end_live", text="Cancel", icon="X")
+    if state.live_message:
+        _sentence(layout, context, state.live_message, "INFO")
+
+
 def _further_samples(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw what is rendered beyond the picture, where the processors that need it are on."""
     scene = context.scene
@@ -335,4 +395,5 @@ CLASSES = (
     POTMESIL_PT_printer,
     POTMESIL_PT_samples,
     POTMESIL_PT_collection,
+    POTMESIL_PT_image,
 )

@@ -250,6 +250,8 @@ class PotmesilState(bpy.types.PropertyGroup):
     running: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
     progress: bpy.props.FloatProperty(min=0.0, max=1.0, options={"SKIP_SAVE", "HIDDEN"})
     error: bpy.props.StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+    live: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
+    live_message: bpy.props.StringProperty(options={"SKIP_SAVE", "HIDDEN"})
     has_quality: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
     guessed_pixels: bpy.props.FloatProperty(options={"SKIP_SAVE", "HIDDEN"})
     expected_error: bpy.props.FloatProperty(options={"SKIP_SAVE", "HIDDEN"})

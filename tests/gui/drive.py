@@ -6,6 +6,7 @@ blender --enable-event-simulate --python drive.py -- FOLDER
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -22,9 +23,10 @@ SEEN: dict[str, Any] = {"errors": []}
 # Where the Render button is, from the left and the top of the Properties editor's region.
 RENDER_BUTTON = (70, 97)
 PROCESS_BUTTON = (190, 97)
-APERTURE_TITLE = (100, 323)
-CURVE_TITLE = (100, 531)
-PRINTER_TITLE = (100, 558)
+LIVE_BUTTON = (70, 127)
+APERTURE_TITLE = (100, 349)
+CURVE_TITLE = (100, 557)
+PRINTER_TITLE = (100, 584)
 
 
 def shot(name: str) -> None:
@@ -135,7 +137,19 @@ def story() -> Iterator[float]:
     SEEN["refocused"] = first != pixels()
     SEEN["quality"] = [state().has_quality, state().guessed_pixels, state().expected_error]
     yield from longer_shutter()
+    yield from live_focus()
+    for part in (live_sidebar, live_undo, live_scenes, live_render, live_window, live_extension):
+        yield from guarded(part())
     yield from cancelled_render()
+    yield from guarded(live_file())
+
+
+def guarded(steps: Iterator[float]) -> Iterator[float]:
+    """Take some steps; what goes wrong there does not keep us from what comes after."""
+    try:
+        yield from steps
+    except Exception:
+        SEEN["errors"].append(traceback.format_exc())
 
 
 def aperture_panel() -> Iterator[float]:
@@ -191,6 +205,336 @@ def longer_shutter() -> Iterator[float]:
     SEEN["error_after_process"] = state().error
 
 
+def live_module() -> Any:
+    """The extension's own module."""
+    return sys.modules[next(name for name in sys.modules if name.endswith("potmesil_camera.operators.live"))]
+
+
+def live_session() -> Any:
+    """What the extension knows of Live Focus, None while it is off."""
+    return live_module().session()
+
+
+def processors() -> tuple[float, float]:
+    """Return the processor seconds that everything, and that this Blender, have taken so far."""
+    line = Path("/proc/stat").read_text().splitlines()[0]
+    user, nice, system, _, _, *others = map(int, line.split()[1:8])
+    own = os.times()
+    return (user + nice + system + sum(others)) / os.sysconf("SC_CLK_TCK"), own.user + own.system
+
+
+def paced(seconds: float, seen: dict[str, Any], change: Any) -> Iterator[float]:
+    """Change something every 50 ms, and note how often the window was free and the picture followed."""
+    session = live_session()
+    updates = 0 if session is None else session.updates
+    start = last = time.perf_counter()
+    gaps, changed = [], 0
+    while last - start < seconds:
+        if last - start >= 0.05 * changed:
+            change(changed)
+            changed += 1
+        yield 0.0
+        now = time.perf_counter()
+        gaps.append(now - last)
+        last = now
+    gaps.sort()
+    seen["longest_gap"], seen["median_gap"] = gaps[-1], gaps[len(gaps) // 2]
+    seen["gaps_over_100_ms"] = sum(gap > 0.1 for gap in gaps)
+    if session is not None:
+        seen["updates"] = (session.updates - updates) / (last - start)
+        seen["longest_tick"], seen["tier"] = session.longest_tick, session.tier
+
+
+def live_focus() -> Iterator[float]:
+    """Pull focus with Live Focus on, by the panel's values and by the mouse; cancel, and confirm."""
+    scene = bpy.context.scene
+    camera = scene.camera.data
+    scene.render.resolution_x, scene.render.resolution_y = 960, 540
+    scene.cycles.samples = 4
+    scene.render.motion_blur_shutter = 0.5
+    scene.potmesil_camera.use_motion = False
+    camera.dof.focus_distance, camera.dof.aperture_fstop = 8.0, 0.8
+    click(RENDER_BUTTON)
+    yield 0.5
+    yield from wait(lambda: not state().running, 120.0)
+    yield 0.5
+    before = pixels()
+    editor = area("IMAGE_EDITOR")
+    region = next(r for r in editor.regions if r.type == "WINDOW")
+    with bpy.context.temp_override(window=window(), area=editor, region=region):
+        bpy.ops.image.view_all(fit_view=True)
+    yield 0.5
+    width = editor.spaces.active.zoom[0] * 960
+    live = SEEN["live"] = {}
+    # The window alone, drawn as often as previews would ask for.
+    live["window"] = {}
+    busy, own = processors()
+    start = time.perf_counter()
+    yield from paced(2.0, live["window"], lambda _: region.tag_redraw())
+    busy, own = (now - before for now, before in zip(processors(), (busy, own), strict=True))
+    live["window"]["others"] = (busy - own) / (time.perf_counter() - start)
+    click(LIVE_BUTTON)
+    yield from wait(lambda: state().live, 5.0)
+    live["started"] = state().live
+    # Kernels are compiled first, for minutes where the machine has other things to do.
+    yield from wait(lambda: live_session() is not None and live_session().updates > 0, 300.0)
+    yield from wait(lambda: state().has_quality, 120.0)
+    live["message"], live["compiled"] = state().live_message, live_session().compiled
+    yield 2.0
+
+    def pull(n: int) -> None:
+        camera.dof.focus_distance = 5.0 + 4.0 * abs((n % 40) / 20.0 - 1.0)
+
+    def stop_down(n: int) -> None:
+        camera.dof.aperture_fstop = 0.5 + 0.05 * n
+
+    yield from paced(2.0, {}, pull)  # how good a preview can be is found out meanwhile
+    for name, change in (("focus", pull), ("f_stop", stop_down)):
+        live[name] = {}
+        live_session().longest_tick = 0.0
+        yield from paced(3.0, live[name], change)
+        live[name]["size"] = list(bpy.data.images["Potmesil Result"].size)
+    live["width_kept"] = abs(editor.spaces.active.zoom[0] * live["f_stop"]["size"][0] / width - 1.0)
+    shot("live_dragged")
+    yield 0.3
+    yield from wait(lambda: state().has_quality, 120.0)
+    yield 0.5
+    live["whole"] = list(bpy.data.images["Potmesil Result"].size)
+    shot("live")
+    camera.dof.focus_object = bpy.data.objects["Light"]
+    yield 0.5
+    middle = region.x + region.width // 2, region.y + region.height // 2
+    event("MOUSEMOVE", "NOTHING", middle[0] - 9, middle[1])
+    event("LEFTMOUSE", "PRESS", *middle)
+    yield 0.3
+    live["focused_at"] = camera.dof.focus_distance
+    yield 1.0
+    live["note"] = state().live_message
+    shot("live_note")
+    event("MOUSEMOVE", "NOTHING", middle[0], middle[1] - 3)
+    event("LEFTMOUSE", "RELEASE", middle[0], middle[1] - 3)
+    yield 0.5
+    event("ESC", "PRESS", *middle)
+    event("ESC", "RELEASE", *middle)
+    yield 1.0
+    live["cancelled"] = [state().live, camera.dof.focus_distance, round(camera.dof.aperture_fstop, 4)]
+    live["result_back"] = pixels() == before
+    live["ended"] = live_session() is None
+    # Again, and kept; and the shutter.
+    scene.potmesil_camera.use_motion = True
+    click(LIVE_BUTTON)
+    yield from wait(lambda: live_session() is not None and live_session().updates > 0, 300.0)
+
+    def open_longer(n: int) -> None:
+        scene.render.motion_blur_shutter = 0.2 + 0.02 * n
+
+    live["shutter"] = {}
+    yield from paced(2.0, {}, open_longer)
+    yield from paced(3.0, live["shutter"], open_longer)
+    # As many instants as pixels of the path: a short one is soon done.
+    camera.dof.focus_distance, scene.render.motion_blur_shutter = 6.5, 0.1
+    click(LIVE_BUTTON)
+    yield from wait(lambda: live_session() is None, 120.0)
+    live["confirmed"] = [state().live, camera.dof.focus_distance, state().has_quality]
+    live["whole_after"] = list(bpy.data.images["Potmesil Result"].size)
+    shot("live_confirmed")
+    scene.potmesil_camera.use_motion = False
+
+
+def live_on() -> Iterator[float]:
+    """Start Live Focus, and wait for its first picture."""
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.potmesil.live("INVOKE_DEFAULT")
+    yield from wait(lambda: live_session() is not None and live_session().updates > 0, 120.0)
+
+
+def live_off(operator: str) -> Iterator[float]:
+    """End Live Focus by one of its buttons."""
+    with bpy.context.temp_override(window=window()):
+        # True: with an undo step, as a click makes it.
+        getattr(bpy.ops.potmesil, operator)("INVOKE_DEFAULT", True)
+    yield from wait(lambda: live_session() is None, 120.0)
+
+
+def workers() -> list[tuple[int, str]]:
+    """Return the processes and the folders of Live Focus."""
+    session = live_session()
+    both = [worker for worker in (session._preview, session._whole) if worker._process is not None]
+    return [(worker._process.pid, str(worker._folder)) for worker in both]
+
+
+def left_over(known: list[tuple[int, str]]) -> list[str]:
+    """Return what is still there of Live Focus after its end."""
+    left = ["timer"] if any(m.endswith("live") and is_timed(m) for m in list(sys.modules)) else []
+    for pid, folder in known:
+        status = Path(f"/proc/{pid}/stat")
+        if status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z":
+            left.append(f"process {pid}")
+        if Path(folder).exists():
+            left.append(folder)
+    return left
+
+
+def is_timed(module: str) -> bool:
+    """Return whether the timer of a module of ours is registered."""
+    found = getattr(sys.modules[module], "_tick", None)
+    return found is not None and bpy.app.timers.is_registered(found)
+
+
+def live_sidebar() -> Iterator[float]:
+    """Show the tab in the Image Editor's sidebar while Live Focus is on."""
+    yield from live_on()
+    space = area("IMAGE_EDITOR").spaces.active
+    space.show_region_ui = True
+    yield 0.5
+    region = next(r for r in area("IMAGE_EDITOR").regions if r.type == "UI")
+    region.active_panel_category = "Potmesil"
+    area("IMAGE_EDITOR").tag_redraw()
+    yield 1.0
+    SEEN["live"]["category"] = region.active_panel_category
+    shot("live_sidebar")
+    space.show_region_ui = False
+    known = workers()
+    yield from live_off("end_live")
+    yield 0.5
+    SEEN["live"]["left"] = {"cancel": left_over(known)}
+
+
+def live_undo() -> Iterator[float]:
+    """Undo while Live Focus is on; and what was confirmed, which is one step."""
+    seen: list[float] = []
+
+    def focus(distance: float | None = None) -> float:
+        dof = bpy.context.scene.camera.data.dof
+        if distance is not None:
+            dof.focus_distance = distance
+            with bpy.context.temp_override(window=window()):
+                bpy.ops.ed.undo_push(message="Focus")
+        return float(dof.focus_distance)
+
+    def step(operator: str) -> None:
+        with bpy.context.temp_override(window=window(), area=area("PROPERTIES")):
+            getattr(bpy.ops.ed, operator)()
+        seen.append(focus())
+
+    focus(8.0)
+    yield from live_on()
+    # As a drag over the result sets it: without a step of its own.
+    bpy.context.scene.camera.data.dof.focus_distance = 5.5
+    yield 0.5
+    yield from live_off("live")
+    step("undo")
+    yield 0.5
+    step("redo")
+    yield 0.5
+    yield from live_on()
+    focus(6.0)
+    focus(7.0)
+    yield 0.5
+    step("undo")
+    yield 0.2
+    updates = live_session().updates
+    bpy.context.scene.camera.data.dof.focus_distance = 4.0
+    yield from wait(lambda: live_session().updates > updates, 20.0)
+    seen.append(float(state().live))
+    yield from live_off("end_live")
+    SEEN["live"]["undo"] = [*seen, focus()]
+
+
+def live_scenes() -> Iterator[float]:
+    """Go to another scene and back."""
+    first = bpy.context.scene
+    yield from live_on()
+    window().scene = bpy.data.scenes.new("Other")
+    yield 0.5
+    without_camera = state().live_message
+    window().scene = first
+    updates = live_session().updates
+    first.camera.data.dof.focus_distance = 4.5
+    yield from wait(lambda: live_session().updates > updates, 20.0)
+    yield 0.5
+    SEEN["live"]["scenes"] = [without_camera, state().live_message, state().live]
+    yield from live_off("end_live")
+
+
+def live_render() -> Iterator[float]:
+    """Press Render while Live Focus is on: once to the end, and once with Esc over the result."""
+    scene = bpy.context.scene
+    seen = SEEN["live"]["render"] = {}
+    yield from live_on()
+    scene.render.resolution_x, scene.render.resolution_y = 480, 270
+    click(RENDER_BUTTON)
+    yield from wait(lambda: state().running, 10.0)
+    yield from wait(lambda: not state().running, 120.0)
+    yield 2.0
+    image = bpy.data.images["Potmesil Result"]
+    yield from wait(lambda: state().has_quality, 60.0)
+    seen["size"] = [*image.size, state().live]
+    scene.cycles.samples = 100_000
+    click(RENDER_BUTTON)
+    yield from wait(lambda: bpy.app.is_job_running("RENDER"), 10.0)
+    yield 1.0
+    region = next(r for r in area("IMAGE_EDITOR").regions if r.type == "WINDOW")
+    middle = region.x + region.width // 2, region.y + region.height // 2
+    event("MOUSEMOVE", "NOTHING", middle[0] - 9, middle[1])
+    event("MOUSEMOVE", "NOTHING", *middle)
+    event("ESC", "PRESS", *middle)
+    event("ESC", "RELEASE", *middle)
+    yield from wait(lambda: not state().running, 20.0)
+    yield 1.0
+    seen["escaped"] = [state().running, state().live, live_session() is not None]
+    scene.cycles.samples = 4
+    yield from live_off("end_live")
+
+
+def live_window() -> Iterator[float]:
+    """Close the window that Live Focus belongs to."""
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.wm.window_new()
+    yield 1.0
+    other = bpy.context.window_manager.windows[-1]
+    with bpy.context.temp_override(window=other):
+        bpy.ops.potmesil.live("INVOKE_DEFAULT")
+    yield from wait(lambda: live_session() is not None and live_session().updates > 0, 120.0)
+    known = workers()
+    with bpy.context.temp_override(window=other):
+        bpy.ops.wm.window_close()
+    yield 1.0
+    SEEN["live"]["left"]["window"] = [*left_over(known), *(["on"] if state().live else [])]
+
+
+def live_extension() -> Iterator[float]:
+    """Switch the extension off while Live Focus is on."""
+    name = next(name for name in sys.modules if name.endswith(".potmesil_camera"))
+    yield from live_on()
+    known = workers()
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.preferences.addon_disable(module=name)
+    yield 1.0
+    SEEN["live"]["left"]["extension"] = left_over(known)
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.preferences.addon_enable(module=name)
+    yield 1.0
+
+
+def live_file() -> Iterator[float]:
+    """Open a file while Live Focus is on; then quit while it is on."""
+    blend = str(FOLDER / "scene.blend")
+    scene = bpy.context.scene
+    scene.cycles.samples = 4
+    # The default is relative to the file.
+    scene.potmesil_camera.samples_path = str(live_module().samples_path(scene))
+    bpy.ops.wm.save_as_mainfile(filepath=blend, copy=True)
+    yield from live_on()
+    known = workers()
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.wm.open_mainfile(filepath=blend)
+    yield 1.0
+    SEEN["live"]["left"]["file"] = [*left_over(known), *(["on"] if state().live else [])]
+    yield from live_on()
+    SEEN["live"]["at_quit"] = workers()
+
+
 def cancelled_render() -> Iterator[float]:
     """Start a render that would take minutes, and press ESC."""
     scene = bpy.context.scene
@@ -227,7 +571,7 @@ def main() -> None:
         bpy.ops.wm.quit_blender()
         return None
 
-    bpy.app.timers.register(tick, first_interval=3.0)
+    bpy.app.timers.register(tick, first_interval=3.0, persistent=True)
 
 
 main()

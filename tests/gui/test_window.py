@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,14 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 BLENDER = os.environ.get("BLENDER", "")
 PICTURES = ROOT / "build" / "gui"
+LEAST_UPDATES = 10.0
+"""Previews a second."""
+
+SLOWEST_WINDOW = 0.2
+"""Longest time, in seconds, in which the window alone is drawn on a machine that is free for measuring."""
+
+MOST_OTHERS = 0.5
+"""How many processors what is not ours may take while we measure."""
 
 pytestmark = [
     pytest.mark.gui,
@@ -92,6 +101,103 @@ def test_process_button_takes_the_present_shutter(seen: dict[str, Any]) -> None:
     assert seen["error_after_process"] == ""
 
 
+@pytest.fixture
+def quiet(seen: dict[str, Any]) -> dict[str, Any]:
+    """What Live Focus did, on a machine that had time to draw."""
+    alone = seen["live"]["window"]
+    if alone["longest_gap"] > SLOWEST_WINDOW:
+        pytest.skip(f"the window alone, drawn as often, stood still for {alone['longest_gap']:.2f} s")
+    if alone["others"] > MOST_OTHERS:
+        pytest.skip(f"other programs took {alone['others']:.1f} processors before Live Focus began")
+    live: dict[str, Any] = seen["live"]
+    return live
+
+
+def test_live_focus_starts(seen: dict[str, Any]) -> None:
+    assert seen["errors"] == []
+    assert seen["live"]["started"]
+    assert seen["live"]["message"] == ""
+
+
+def test_live_focus_uses_the_kernels_that_process_compiled(seen: dict[str, Any]) -> None:
+    print("compiled for previews:", seen["live"]["compiled"]["preview"])
+    assert seen["live"]["compiled"]["full"] == []
+
+
+@pytest.mark.parametrize("name", ["focus", "f_stop", "shutter"])
+def test_live_focus_follows_and_never_holds_the_window(quiet: dict[str, Any], name: str) -> None:
+    pulled, alone = quiet[name], quiet["window"]
+    print(name, pulled, "alone:", alone)
+    assert pulled["updates"] >= LEAST_UPDATES
+    # What we do in the window is our own; drawing it in software takes its time without us too.
+    assert pulled["longest_tick"] < 0.1
+    assert pulled["longest_gap"] < max(0.1, 1.5 * alone["longest_gap"])
+
+
+def test_live_focus_ends_at_full_size(seen: dict[str, Any]) -> None:
+    live = seen["live"]
+    assert live["whole"] == live["whole_after"] == [960, 540]
+    # A preview of fewer pixels is shown as large.
+    assert live["width_kept"] < 0.01
+
+
+def test_live_focus_focuses_under_the_mouse(seen: dict[str, Any]) -> None:
+    # The camera looks at the default cube's middle from 11.1 m away, past its nearest corner.
+    assert 7.0 < seen["live"]["focused_at"] < 11.0
+
+
+def test_live_focus_cancels_and_confirms(seen: dict[str, Any]) -> None:
+    live = seen["live"]
+    assert live["cancelled"] == [False, 8.0, 0.8]
+    assert live["result_back"]
+    assert live["ended"]
+    assert live["confirmed"] == [False, 6.5, True]
+
+
+def test_live_focus_says_that_it_lets_the_focus_object_go(seen: dict[str, Any]) -> None:
+    assert "Light is no longer the focus object" in seen["live"]["note"]
+
+
+def test_live_focus_is_in_the_sidebar(seen: dict[str, Any]) -> None:
+    assert seen["live"]["category"] == "Potmesil"
+
+
+def test_what_live_focus_confirmed_is_one_undo_step(seen: dict[str, Any]) -> None:
+    undone, redone, undone_while_on, on, cancelled = seen["live"]["undo"]
+    assert (undone, redone) == (8.0, 5.5)
+    assert (undone_while_on, on) == (6.0, 1.0)
+    assert cancelled == 5.5
+
+
+def test_live_focus_goes_from_scene_to_scene(seen: dict[str, Any]) -> None:
+    without_camera, back, on = seen["live"]["scenes"]
+    assert "camera" in without_camera
+    assert (back, on) == ("", True)
+
+
+def test_live_focus_leaves_the_render_alone(seen: dict[str, Any]) -> None:
+    assert seen["live"]["render"]["size"] == [480, 270, True]
+    # Escape was for the render.
+    assert seen["live"]["render"]["escaped"] == [False, True, True]
+
+
+@pytest.mark.parametrize("end", ["cancel", "window", "extension", "file"])
+def test_live_focus_leaves_nothing_behind(seen: dict[str, Any], end: str) -> None:
+    assert seen["live"]["left"][end] == []
+
+
+def test_live_focus_ends_with_blender(seen: dict[str, Any]) -> None:
+    assert seen["live"]["at_quit"]
+    for pid, folder in seen["live"]["at_quit"]:
+        # A worker looks several times a second whether Blender is there.
+        until = time.monotonic() + 5.0
+        while Path(folder).exists() and time.monotonic() < until:
+            time.sleep(0.1)
+        assert not Path(folder).exists()
+        state = Path(f"/proc/{pid}/stat")
+        assert not state.exists() or state.read_text().rpartition(")")[2].split()[0] == "Z"
+
+
 def test_escape_cancels_the_render_and_gives_everything_back(seen: dict[str, Any]) -> None:
     assert seen["borrowed"]
     assert seen["given_back"]
@@ -101,7 +207,20 @@ def test_escape_cancels_the_render_and_gives_everything_back(seen: dict[str, Any
 
 
 @pytest.mark.parametrize(
-    "name", ["panel", "aperture", "shutter_curve", "printer", "rendered", "processed", "exposed"]
+    "name",
+    [
+        "panel",
+        "aperture",
+        "shutter_curve",
+        "printer",
+        "rendered",
+        "processed",
+        "exposed",
+        "live_dragged",
+        "live",
+        "live_note",
+        "live_sidebar",
+    ],
 )
 def test_window_is_drawn(seen: dict[str, Any], name: str) -> None:
     png = pytest.importorskip("png")
