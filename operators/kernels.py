@@ -17,8 +17,12 @@ def use_user_cache() -> None:
     """Keep compiled kernels in a folder of the user's, which upgrades leave alone."""
     from ..potmesil_addon import jit  # noqa: PLC0415 - imports numba
 
+    jit.set_cache_directory(cache_folder())
+
+
+def cache_folder() -> Path:
+    """Return that folder."""
     if _EXTENSION.startswith("bl_ext."):
-        folder = bpy.utils.extension_path_user(_EXTENSION, path="kernels", create=True)
-    else:  # a checkout that a script loaded
-        folder = bpy.utils.user_resource("DATAFILES", path="potmesil_camera/kernels", create=True)
-    jit.set_cache_directory(Path(folder))
+        return Path(bpy.utils.extension_path_user(_EXTENSION, path="kernels", create=True))
+    # A checkout that a script loaded.
+    return Path(bpy.utils.user_resource("DATAFILES", path="potmesil_camera/kernels", create=True))

@@ -25,6 +25,7 @@ from bpy.app.handlers import persistent
 from ..potmesil_addon.errors import InputError, PotmesilError
 from .animation import curves_of
 from .export import samples_path
+from .kernels import cache_folder
 from .process import settings_values
 from .result import RESULT_NAME, show_result, store_resized
 
@@ -191,7 +192,7 @@ class _Worker:
             with (folder / "log.txt").open("wb") as log:
                 self._process = subprocess.Popen(
                     # Without -P a module in the folder where Blender was started would come first.
-                    [_python(), "-P", "-c", _BOOT, _EXTENSION, str(root), str(folder), _kernels()],
+                    [_python(), "-P", "-c", _BOOT, _EXTENSION, str(root), str(folder), str(cache_folder())],
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=log,
@@ -225,13 +226,6 @@ def _environment() -> dict[str, str]:
             if folder not in folders:
                 folders.append(folder)
     return {**os.environ, "PYTHONPATH": os.pathsep.join(folders), "PYTHONDONTWRITEBYTECODE": "1"}
-
-
-def _kernels() -> str:
-    """Return where `kernels.use_user_cache` keeps compiled kernels; that would import numba."""
-    if _EXTENSION.startswith("bl_ext."):
-        return str(bpy.utils.extension_path_user(_EXTENSION, path="kernels", create=True))
-    return str(bpy.utils.user_resource("DATAFILES", path="potmesil_camera/kernels", create=True))
 
 
 def _remove_abandoned() -> None:

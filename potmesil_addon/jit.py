@@ -81,6 +81,26 @@ def set_cache_directory(directory: Path) -> None:
         numba.config.CACHE_DIR = str(Path(chosen) / (__package__ or ""))
 
 
+def on_compile(tell: Callable[[str], None]) -> None:
+    """Have a function called with a kernel's name each time that one is compiled and not read from disk.
+
+    Parameters
+    ----------
+    tell : callable
+        Called before the kernel is compiled, for as long as the process lives.
+    """
+    if not HAVE_NUMBA:
+        return
+    from numba.core import event  # noqa: PLC0415 - numba may be missing
+
+    def started(_: Any, compiled: Any) -> None:
+        tell(compiled.data["dispatcher"].py_func.__name__)
+
+    # numba asks for a subclass, and has no types to check one by.
+    listener = type("Listener", (event.Listener,), {"on_start": started, "on_end": lambda *_: None})
+    event.register("numba:compile", listener())
+
+
 def set_thread_count(threads: int | None) -> int:
     """Choose how many threads the kernels use.
 

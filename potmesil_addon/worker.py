@@ -15,7 +15,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any, Final
 
@@ -193,7 +193,7 @@ class Worker:
 
         if self._kernels is not None:
             jit.set_cache_directory(self._kernels)
-        _tell_of_compiling(lambda name: self._outbox.send({"compiling": name}))
+        jit.on_compile(lambda name: self._outbox.send({"compiling": name}))
 
     def _load(self, request: dict[str, Any], *, whole: bool) -> bool:
         """Read the samples in the form that the work needs; return whether they are not those read last."""
@@ -224,20 +224,6 @@ class Worker:
         file = f"{name}.f32"
         np.ascontiguousarray(picture).tofile(self._folder / file)
         return {"picture": file, "shape": list(picture.shape)}
-
-
-def _tell_of_compiling(tell: Callable[[str], None]) -> None:
-    """Call `tell` with a kernel's name each time that one is compiled and not read from disk."""
-    events: Any = sys.modules.get("numba.core.event")
-    if events is None:
-        return
-
-    def started(_: Any, event: Any) -> None:
-        tell(event.data["dispatcher"].py_func.__name__)
-
-    # numba asks for a subclass, and has no types to check one by.
-    listener = type("Listener", (events.Listener,), {"on_start": started, "on_end": lambda *_: None})
-    events.register("numba:compile", listener())
 
 
 def main(arguments: list[str]) -> int:
