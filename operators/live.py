@@ -28,6 +28,7 @@ from .export import samples_path
 from .kernels import cache_folder
 from .process import settings_values
 from .result import RESULT_NAME, show_result, store_resized
+from .work import redraw_panels
 
 _TICK = 0.01
 _REST = 0.3
@@ -437,7 +438,7 @@ class _Session:
             return
         if state.live_message != text:
             state.live_message = text
-            _redraw_panels()
+            redraw_panels(bpy.context)
 
     # The mouse.
 
@@ -548,7 +549,7 @@ def shut_down() -> None:
     if manager is not None and hasattr(manager, "potmesil_camera"):
         manager.potmesil_camera.live, manager.potmesil_camera.live_message = False, ""
     _status(bpy.context, None)
-    _redraw_panels()
+    redraw_panels(bpy.context)
 
 
 @persistent
@@ -576,13 +577,6 @@ def _redraw(image: bpy.types.Image) -> None:
             for region in area.regions:
                 if region.type == "WINDOW":
                     region.tag_redraw()
-
-
-def _redraw_panels() -> None:
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type in ("PROPERTIES", "IMAGE_EDITOR"):
-                area.tag_redraw()
 
 
 def _place(context: bpy.types.Context, event: bpy.types.Event) -> tuple[float, float] | None:

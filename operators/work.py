@@ -97,7 +97,7 @@ class SteppedOperator:
         except BaseException:
             self._end(context)
             raise
-        _redraw(context)
+        redraw_panels(context)
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -111,7 +111,7 @@ class SteppedOperator:
             context.window_manager.event_timer_remove(self._timer)
         self._timer = self._steps = None
         _state(context).running = False
-        _redraw(context)
+        redraw_panels(context)
 
     def _failed(self, context: bpy.types.Context, error: PotmesilError) -> set[str]:
         _state(context).error = str(error)
@@ -123,7 +123,8 @@ def _state(context: bpy.types.Context) -> bpy.types.PropertyGroup:
     return context.window_manager.potmesil_camera
 
 
-def _redraw(context: bpy.types.Context) -> None:
+def redraw_panels(context: bpy.types.Context) -> None:
+    """Draw again where our panels and results stand."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type in ("PROPERTIES", "IMAGE_EDITOR"):
