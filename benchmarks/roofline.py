@@ -13,13 +13,13 @@ from typing import Any
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from numba import njit, prange
 
+from potmesil_addon.blocks import put_in_blocks
 from potmesil_addon.focus import FocusSettings
 from potmesil_addon.process import ProcessSettings, focus_settings
 from potmesil_addon.psf import PsfBuilder
-from potmesil_addon.samples import Samples
+from potmesil_addon.samples import SampleLayer, Samples
 
 _CHANNELS = 5
 """Red, green, blue, alpha and the weight."""
@@ -129,7 +129,7 @@ def work_of(samples: Samples, settings: ProcessSettings, instants: int = 0) -> W
     times = max(instants, 1) if settings.use_motion else 1
     count = read = added = 0.0
     if settings.use_lens:
-        entries = entries_a_sample(layer.depth, focus_settings(samples, settings))
+        entries = entries_a_sample(layer, focus_settings(samples, settings))
         channels = _CHANNELS + 2 * (settings.psf.kind == "lommel")
         # Each entry is a multiplication and an addition; then a sum along the row and a division.
         count += pixels * times * (2 * channels * entries + channels + 4)
@@ -141,13 +141,13 @@ def work_of(samples: Samples, settings: ProcessSettings, instants: int = 0) -> W
     return Work(count, read + pixels * (_BYTES_READ + _BYTES_WRITTEN), added)
 
 
-def entries_a_sample(depth: npt.NDArray[np.floating[Any]], settings: FocusSettings) -> float:
-    """Return how many entries of its table are added for a sample, the mean over all samples.
+def entries_a_sample(layer: SampleLayer, settings: FocusSettings) -> float:
+    """Return how many entries of tables are added, blocks of samples being one, for each sample of a layer.
 
     Parameters
     ----------
-    depth : ndarray of float of shape (rows, columns)
-        Depths of the samples in metres.
+    layer : SampleLayer
+        With depths.
     settings : FocusSettings
         Lens, film and kind of PSF.
 
@@ -157,12 +157,15 @@ def entries_a_sample(depth: npt.NDArray[np.floating[Any]], settings: FocusSettin
         Entries.
     """
     builder = PsfBuilder(settings.lens, settings.film, settings.model, settings.psf)
-    assignment = builder.assign(depth)
-    tables = builder.pack(list(builder.tables(assignment.circles)))
-    uses = np.bincount(assignment.table.reshape(-1), minlength=tables.count)
+    assert layer.depth is not None
+    color, weight = layer.color[np.newaxis].copy(), np.ones((1, *layer.depth.shape), dtype=np.float32)
+    assignment = builder.assign(layer.depth[np.newaxis])
+    assignment, side = put_in_blocks(color, weight, assignment, builder, compiled=True)
+    tables = builder.pack(list(builder.tables(assignment.circles, side)))
+    uses = np.bincount(assignment.table[weight > 0.0], minlength=tables.count)
     before = np.concatenate([[0], np.cumsum(tables.row_end - tables.row_begin)])
     entries = before[tables.rows[1:]] - before[tables.rows[:-1]]
-    return float(uses @ entries) * (2 if tables.symmetric else 1) / depth.size
+    return float(uses @ entries) * (2 if tables.symmetric else 1) / layer.depth.size
 
 
 def measured_limits() -> Limits:

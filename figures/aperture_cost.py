@@ -130,7 +130,9 @@ def seconds(samples: Samples, settings: FocusSettings, repeats: int = _REPEATS) 
 
 
 def _at(samples: Samples, f_stop: float, kind: PsfKind) -> FocusSettings:
-    settings = focus_settings(samples, ProcessSettings(psf=PsfSettings(kind=kind), visibility="none"))
+    settings = focus_settings(
+        samples, ProcessSettings(psf=PsfSettings(kind=kind, blocks=False), visibility="none")
+    )
     return replace(settings, lens=replace(settings.lens, f_stop=f_stop))
 
 

@@ -9,7 +9,7 @@ the coverage again. A shape of radius r has O(r) differences and O(r^2) pixels.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -50,6 +50,8 @@ class RowDifferences:
     symmetric : bool
         Only the right half is kept: an entry (offset, delta) stands for itself and for
         (`mirror` - offset, -delta).
+    block : int
+        Side of the square of samples that the shape is the mean of, seen from the upper left one.
     """
 
     first_row: int
@@ -59,11 +61,12 @@ class RowDifferences:
     delta: FloatArray
     position: SamplePosition
     symmetric: bool
+    block: int = 1
 
     @property
     def mirror(self) -> int:
         """Sum of the offsets of an entry and of its mirror image."""
-        return 1 if self.position == "center" else 0
+        return self.block if self.position == "center" else self.block - 1
 
     def dense(self) -> FloatArray:
         """Return the pixel values.
@@ -271,3 +274,50 @@ def ragged(first: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
     owner = np.repeat(np.arange(count.size), count)
     start = np.cumsum(count) - count
     return owner, np.arange(owner.size) - start[owner] + first[owner]
+
+
+def widened(table: RowDifferences, side: int) -> RowDifferences:
+    """Return the mean table of a block of samples, as seen from its upper left one.
+
+    Parameters
+    ----------
+    table : RowDifferences
+        The table of each of its samples.
+    side : int
+        Samples along each side of the block, a power of 2.
+
+    Returns
+    -------
+    RowDifferences
+        Normalised to 1.
+    """
+    while table.block < side:
+        table = _of_twice_the_side(table)
+    return table
+
+
+def _of_twice_the_side(table: RowDifferences) -> RowDifferences:
+    """Return the mean of a table and of those of the blocks to the right of it, below, and both."""
+    step = table.block
+    entries = table.row_end - table.row_begin
+    row = np.repeat(np.arange(entries.size), entries)
+    # Rows that mirror each other share their entries.
+    entry = np.arange(row.size) - np.repeat(np.cumsum(entries) - entries - table.row_begin, entries)
+    offset, delta = table.offset[entry], table.delta[entry]
+    left = int(offset.min())
+    shape = entries.size + step, int(offset.max()) - left + 1 + step
+    place = row * shape[1] + offset - left
+    places = np.concatenate([place, place + step, place + step * shape[1], place + step * (shape[1] + 1)])
+    dense = np.stack(
+        [np.bincount(places, np.tile(0.25 * d, 4), shape[0] * shape[1]) for d in delta.T], axis=1
+    )
+    filled = np.flatnonzero(np.bincount(places, minlength=dense.shape[0]))
+    bounds = np.searchsorted(filled, np.arange(shape[0] + 1) * shape[1])
+    return replace(
+        table,
+        row_begin=bounds[:-1],
+        row_end=bounds[1:],
+        offset=filled % shape[1] + left,
+        delta=np.asarray(dense[filled], dtype=np.float64),
+        block=2 * step,
+    )

@@ -228,6 +228,12 @@ def add_process_options(parser: argparse.ArgumentParser) -> None:
         help="between tables: pixels of circle for coc, millimetres of depth for equal-z",
     )
     parser.add_argument(
+        "--no-blocks",
+        dest="blocks",
+        action="store_false",
+        help="spread samples that are much blurred one by one, also where neighbours are alike (slower)",
+    )
+    parser.add_argument(
         "--weighting", choices=WEIGHTINGS, default="1982", help="1981 weighs samples by 1/z^2"
     )
     parser.add_argument(
@@ -306,7 +312,9 @@ def process_settings(options: argparse.Namespace, frame: int | None = None) -> P
         sensor_width=_millimetres(options.sensor_width),
         sensor_height=_millimetres(options.sensor_height),
         model=options.coc_model,
-        psf=PsfSettings(kind=options.psf, tables=options.tables, lookup=options.lookup, step=step),
+        psf=PsfSettings(
+            kind=options.psf, tables=options.tables, lookup=options.lookup, step=step, blocks=options.blocks
+        ),
         weighting=options.weighting,
         visibility=options.visibility,
         uniform_defocus=parse_keys(options.uniform_defocus).at(frame) / 1000.0,

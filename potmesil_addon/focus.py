@@ -10,6 +10,7 @@ from typing import Any, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from .blocks import put_in_blocks
 from .camera import Film
 from .errors import InputError
 from .fragments import Fragments, carried_past_the_border, fragments_of
@@ -27,7 +28,7 @@ from .scatter import (
     scatter,
     uses_numba,
 )
-from .visibility import MOST_RADIUS, Visibility, aperture_cells, decide
+from .visibility import MOST_RADIUS, Visibility, aperture_cells, brightness_of_lights, decide
 
 Weighting = Literal["1982", "1981"]
 """``1982`` weighs samples alike (TOG 1982, eq. 22), ``1981`` by 1/z^2 (1981, eq. 20)."""
@@ -39,6 +40,9 @@ _LEAST_MASKED: Final = 3.0
 
 _MOST_BEYOND: Final = 256
 """Most samples by which a border is carried on."""
+
+_CLEAR: Final = 0.5
+"""Alpha below which a sample is clear film, and in no block: at rims of sharp things all of it shows."""
 
 _IN_FOCUS: Final = 0.5
 """Radius in samples up to which a surface is in focus: its samples stay in their own pixels."""
@@ -176,7 +180,6 @@ def focus_layer(
     guessed = np.zeros((display.rows, display.columns), dtype=np.float32)
     doubt = np.zeros_like(guessed)
     target = np.zeros((seen.rows, seen.columns, 4), dtype=np.float32)
-    reached = np.zeros((seen.rows, seen.columns), dtype=np.float32)
     builder = PsfBuilder(settings.lens, settings.film, settings.model, settings.psf, samples.position)
     sources = _sources(layer, samples, builder, settings, turn)
     yield 0.2
@@ -188,22 +191,16 @@ def focus_layer(
         origin=(data.x0 - sources.left - seen.x0, data.y0 - sources.above - seen.y0),
         shape=(seen.rows, seen.columns),
         masks=sources.masks,
+        marks=sources.marks,
     )
-    for done in scatter(work, target, reached, settings.backend):
-        yield 0.2 + 0.6 * done
+    marks = None if sources.marks is None else np.zeros((seen.rows, seen.columns, 2), dtype=np.float32)
+    for done in scatter(work, target, marks, settings.backend):
+        yield 0.2 + 0.8 * done
     picture[seen.within(display)] = target
-    doubtful = (sources.guessed > 0.0) | (sources.doubt > 0.0)
-    if doubtful.any():
-        # The same fragments once more, with what is not sure in place of their colours, which are done with.
-        work.weight[~doubtful] = 0.0
-        work.color[doubtful, 0], work.color[doubtful, 1] = sources.guessed[doubtful], sources.doubt[doubtful]
-        their_share = np.zeros_like(reached)
-        for done in scatter(work, target, their_share, settings.backend):
-            yield 0.8 + 0.2 * done
-        share = np.divide(their_share, reached, out=np.zeros_like(reached), where=reached > 0.0)
+    if marks is not None:
         within = seen.within(display)
-        guessed[within] = np.clip(target[..., 0] * share, 0.0, 1.0)
-        doubt[within] = np.maximum(target[..., 1] * share, 0.0)
+        guessed[within] = np.clip(marks[..., 0], 0.0, 1.0)
+        doubt[within] = np.maximum(marks[..., 1], 0.0)
     yield 1.0
     return Focused(
         picture, guessed, doubt, _report(layer.name, layer.depth, samples, settings, sources.tables)
@@ -216,11 +213,10 @@ class _Sources:
 
     color: Float32Array
     weight: Float32Array
-    guessed: Float32Array
-    doubt: Float32Array
     assignment: TableAssignment
     tables: PackedTables
-    masks: Masks | None
+    masks: Masks | None = None
+    marks: Float32Array | None = None
     left: int = 0
     above: int = 0
 
@@ -230,13 +226,15 @@ def _sources(
 ) -> _Sources:
     """Return what gives light: the layer's samples, or its surfaces with what the aperture sees of them."""
     assert layer.depth is not None
+    compiled = uses_numba(settings.backend)
     if settings.visibility == "none" or min(layer.depth.shape) < _LEAST_SIDE:
         depth = layer.depth[np.newaxis]
-        assignment = builder.assign(depth)
-        tables = builder.pack(list(builder.tables(assignment.circles)))
         weight = _weights(depth, settings.weighting)
-        none = np.zeros((1, 1, 1), dtype=np.float32)
-        return _Sources(layer.color[np.newaxis], weight, none, none, assignment, tables, None)
+        color = layer.color[np.newaxis].copy()
+        assignment, side = put_in_blocks(color, weight, builder.assign(depth), builder, compiled=compiled)
+        return _Sources(
+            color, weight, assignment, builder.pack(list(builder.tables(assignment.circles, side)))
+        )
     views = [layer, *(view for view in layer.hidden if view.depth is not None)]
     pitch = settings.film.pitch_x
     cells = aperture_cells(settings.lens, pitch / settings.film.pitch_y)
@@ -259,15 +257,22 @@ def _sources(
         beyond = _beyond_the_data(radius[0] * cells.stretch, samples)
         (above, _), (left, _) = beyond
         fragments = carried_past_the_border(fragments, beyond)
-    compiled = uses_numba(settings.backend)
-    visible = decide(fragments, cells, turn, compiled=compiled)
-    assignment = _assigned(builder, fragments)
-    spread = assignment.circles
-    if settings.psf.kind == "disc" and samples.position == "center":
-        spread = circles_for_filtered_samples(spread, pitch)
-    tables = builder.pack(list(builder.tables(spread)))
-    radius_x = 0.5 * np.abs(assignment.circles) / pitch * cells.stretch_x
     weight = _weights(fragments.depth, settings.weighting) * fragments.coverage
+    brightest = brightness_of_lights(fragments)
+    marks = np.stack([fragments.guessed, fragments.doubt], axis=-1)
+    assignment, side = put_in_blocks(
+        fragments.color,
+        weight,
+        _assigned(builder, fragments),
+        builder,
+        brightest=brightest,
+        least_alpha=_CLEAR,
+        marks=marks,
+        compiled=compiled,
+    )
+    of_block = np.where(weight > 0.0, side.astype(np.uint8)[assignment.table], np.uint8(0))
+    visible = decide(fragments, cells, turn, brightest=brightest, side=of_block, compiled=compiled)
+    radius_x = 0.5 * np.abs(assignment.circles) / pitch * cells.stretch_x
     # Of a small circle the parts are not told apart: it is only as much weaker as it is hidden.
     small = (radius_x < _LEAST_MASKED)[assignment.table]
     number = np.where(small, np.int32(-1), visible.number)
@@ -275,6 +280,10 @@ def _sources(
     group[(group == PARTLY) & (fragments.radius > _IN_FOCUS)] = BEHIND
     weight *= np.where(number < 0, visible.share, np.float32(1.0))
     in_focus = (np.abs(fragments.radius[0]) <= _IN_FOCUS) & (fragments.coverage[0] == 1.0)
+    spread = assignment.circles
+    if settings.psf.kind == "disc" and samples.position == "center":
+        spread = circles_for_filtered_samples(spread, pitch)
+    tables = builder.pack(list(builder.tables(spread, side)))
     masks = Masks(
         number,
         group,
@@ -283,9 +292,7 @@ def _sources(
         radius_x * (cells.stretch_y / cells.stretch_x),
         _on_output(in_focus, samples, above, left),
     )
-    return _Sources(
-        fragments.color, weight, fragments.guessed, fragments.doubt, assignment, tables, masks, left, above
-    )
+    return _Sources(fragments.color, weight, assignment, tables, masks, marks, left, above)
 
 
 def _assigned(builder: PsfBuilder, fragments: Fragments) -> TableAssignment:

@@ -60,7 +60,7 @@ def defocus_evenly(
         shape=shape[1:],
     )
     blurred = np.zeros_like(picture)
-    yield from scatter(work, blurred, np.zeros(shape[1:], dtype=np.float32), backend)
+    yield from scatter(work, blurred, backend=backend)
     return blurred
 
 

@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final, TypeVar
 
 import numpy as np
-from scipy import ndimage
 
 from . import jit
 from .camera import Film
@@ -34,6 +33,7 @@ from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window
 from .scatter import Backend, uses_numba
 from .sheets import on_display
 from .shutter import ShutterAttributes
+from .variation import variation
 from .visibility import Visibility
 
 T = TypeVar("T")
@@ -180,7 +180,7 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
     focus = focus_settings(samples, settings) if settings.use_lens else None
     motion = motion_settings(samples, settings) if settings.use_motion else None
     printed = _film(samples, settings) if settings.uniform_defocus > 0.0 else None
-    layers = sorted(samples.layers, key=_middle_depth)
+    layers = sorted(samples.layers, key=_middle_depth) if len(samples.layers) > 1 else samples.layers
     share = (1.0 if printed is None else _CAMERA_SHARE) / len(layers)
     for number, layer in enumerate(layers):
         steps = _process_layer(layer, samples, focus, motion)
@@ -206,7 +206,7 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
     if settings.fade != 1.0:
         picture = fade(picture, settings.fade)
         doubt = doubt * np.float32(settings.fade)
-    predicted_error = _predicted_error(picture, doubt)
+    predicted_error = _predicted_error(picture, doubt, compiled=uses_numba(settings.backend))
     display = samples.display_window
     window = Window(
         display.x0 // samples.supersampling,
@@ -255,15 +255,17 @@ def _process_layer(
     moving = None if motion is None else prepare(layer, samples, motion)
     if moving is not None and focus is not None:
         return (yield from _cascade(moving, layer, focus))
-    if moving is not None:
+    if moving is not None and motion is not None:
         picture, guessed, report = yield from expose_layer(moving, layer)
-        return _Layer(picture, guessed, _doubt_of_guesses(picture, guessed), motion=report)
+        doubt = _doubt_of_guesses(picture, guessed, compiled=uses_numba(motion.backend))
+        return _Layer(picture, guessed, doubt, motion=report)
     motion_report = None if motion is None else MotionReport(layer.name)
     nothing = np.zeros((samples.display_window.rows, samples.display_window.columns), dtype=np.float32)
     if focus is None:
         return _Layer(on_display(samples, layer.color), nothing, nothing, motion=motion_report)
     focused = yield from focus_layer(layer, samples, focus)
-    doubt = focused.doubt + _OTHER_SURFACE * _doubt_of_guesses(focused.picture, focused.guessed)
+    of_guesses = _doubt_of_guesses(focused.picture, focused.guessed, compiled=uses_numba(focus.backend))
+    doubt = focused.doubt + _OTHER_SURFACE * of_guesses
     return _Layer(focused.picture, focused.guessed, doubt, focused.report, motion_report)
 
 
@@ -293,33 +295,26 @@ def _cascade(moving: Motion, layer: SampleLayer, focus: FocusSettings) -> Genera
     mean_guessed = np.asarray(total_guessed / count, dtype=np.float32)
     motion_report = report_of(moving, layer, count, mean_guessed)
     picture = np.asarray(total / count, dtype=np.float32)
-    doubt = np.asarray(total_doubt / count, dtype=np.float32) + _doubt_of_guesses(picture, mean_guessed)
+    doubt = np.asarray(total_doubt / count, dtype=np.float32)
+    doubt += _doubt_of_guesses(picture, mean_guessed, compiled=uses_numba(focus.backend))
     return _Layer(picture, mean_guessed, doubt, focus_report, motion_report)
 
 
-def _doubt_of_guesses(picture: Float32Array, guessed: Float32Array) -> Float32Array:
+def _doubt_of_guesses(picture: Float32Array, guessed: Float32Array, *, compiled: bool) -> Float32Array:
     """Return how far guessed light may be off: as much as what is seen around it varies."""
     if not guessed.any():
         return np.zeros_like(guessed)
-    return np.asarray(guessed * _variation(picture, _SURROUNDINGS), dtype=np.float32)
+    return guessed * variation(picture, _SURROUNDINGS, compiled=compiled)
 
 
-def _predicted_error(picture: Float32Array, doubt: Float32Array) -> Float32Array:
+def _predicted_error(picture: Float32Array, doubt: Float32Array, *, compiled: bool) -> Float32Array:
     """Return how far pixels are expected to be off.
 
     Guesses and edges add to what all resampling costs, which is the more the more a picture varies from
     pixel to pixel.
     """
-    resampling = _RESAMPLING * _variation(picture, 1.0)
-    return np.asarray(np.sqrt(np.square(doubt) + np.square(resampling)), dtype=np.float32)
-
-
-def _variation(picture: Float32Array, sigma: float) -> FloatArray:
-    """Return the standard deviation around each pixel of the mean of red, green and blue."""
-    level = picture[..., :3].mean(axis=2, dtype=np.float64)
-    mean = ndimage.gaussian_filter(level, sigma, mode="nearest")
-    square = ndimage.gaussian_filter(level * level, sigma, mode="nearest")
-    return np.asarray(np.sqrt(np.maximum(square - mean * mean, 0.0)))
+    resampling = np.float32(_RESAMPLING) * variation(picture, 1.0, compiled=compiled)
+    return np.asarray(np.hypot(doubt, resampling))
 
 
 def _printed(
@@ -521,6 +516,7 @@ def _lens_report(focus: FocusSettings) -> dict[str, Any]:
         "psf": focus.psf.kind,
         "tables": focus.psf.tables,
         "lookup": focus.psf.lookup,
+        "blocks": focus.psf.uses_blocks,
         "weighting": focus.weighting,
         "visibility": focus.visibility,
     }

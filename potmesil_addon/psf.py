@@ -18,7 +18,15 @@ import numpy.typing as npt
 from scipy import sparse
 
 from . import jit
-from .aperture import IntArray, RowDifferences, SamplePosition, ellipse_rows, polygon_rows, polygon_vertices
+from .aperture import (
+    IntArray,
+    RowDifferences,
+    SamplePosition,
+    ellipse_rows,
+    polygon_rows,
+    polygon_vertices,
+    widened,
+)
 from .camera import Film
 from .diffraction import lommel_intensity
 from .errors import SettingsError
@@ -87,6 +95,9 @@ class PsfSettings:
         (1/4 for ``lommel``), and a thousandth of the depth range.
     wavelengths : tuple of float
         Wavelengths in metres of the red, green and blue primaries, for ``lommel``.
+    blocks : bool
+        Whether samples that are alike may spread as one; see `blocks`. Only with the nearest of tables at
+        equal steps of the circle: the papers' own spread each sample by itself.
 
     Raises
     ------
@@ -99,12 +110,18 @@ class PsfSettings:
     lookup: TableLookup = "nearest"
     step: float | None = None
     wavelengths: tuple[float, float, float] = PRIMARY_WAVELENGTHS
+    blocks: bool = True
 
     def __post_init__(self) -> None:
         if self.step is not None and not (math.isfinite(self.step) and self.step > 0.0):
             raise SettingsError(f"The step between tables must be greater than 0, not {self.step:g}.")
         if not all(math.isfinite(w) and w > 0.0 for w in self.wavelengths):
             raise SettingsError("Wavelengths must be greater than 0.")
+
+    @property
+    def uses_blocks(self) -> bool:
+        """Whether samples that are alike spread as one."""
+        return self.blocks and self.tables == "coc" and self.lookup == "nearest"
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +148,8 @@ class PackedTables:
     """All tables of a picture in flat arrays, as the kernels read them.
 
     Table t has the rows ``rows[t]`` to ``rows[t + 1]``, the first at offset ``first_row[t]``; row r has
-    the entries ``row_begin[r]`` to ``row_end[r]``. See `RowDifferences` for the rest.
+    the entries ``row_begin[r]`` to ``row_end[r]``. Entry ``sums + r``, at offset 0, is what these add up to:
+    of symmetric tables minus the value in the row's middle. See `RowDifferences` for the rest.
     """
 
     first_row: npt.NDArray[np.int32]
@@ -141,7 +159,7 @@ class PackedTables:
     offset: npt.NDArray[np.int32]
     delta: FloatArray
     symmetric: bool
-    mirror: int
+    mirror: npt.NDArray[np.int32]
 
     @property
     def count(self) -> int:
@@ -152,6 +170,11 @@ class PackedTables:
     def primaries(self) -> int:
         """1 where all colours share a PSF, 3 where each primary has its own."""
         return int(self.delta.shape[1])
+
+    @property
+    def sums(self) -> int:
+        """Where the sums of rows begin among the entries."""
+        return int(self.offset.size - self.row_begin.size)
 
     @property
     def last_row(self) -> npt.NDArray[np.int32]:
@@ -168,7 +191,14 @@ class PackedTables:
         """Memory of the tables in bytes."""
         return sum(
             int(a.nbytes)
-            for a in (self.first_row, self.rows, self.row_begin, self.row_end, self.offset, self.delta)
+            for a in (
+                self.first_row,
+                self.rows,
+                self.row_begin,
+                self.row_end,
+                self.offset,
+                self.delta,
+            )
         )
 
 
@@ -260,24 +290,33 @@ class PsfBuilder:
         compact[values] = np.arange(values.size)
         return TableAssignment(circles=steps.circle(values + first), table=compact[index], fraction=fraction)
 
-    def tables(self, circles: FloatArray) -> Iterator[RowDifferences]:
+    def tables(self, circles: FloatArray, side: IntArray | None = None) -> Iterator[RowDifferences]:
         """Make tables one by one.
 
         Parameters
         ----------
         circles : ndarray of float64 of shape (tables,)
             Signed diameters of the circle of confusion in metres.
+        side : ndarray of int64 of shape (tables,), optional
+            Side of the block of samples that each table is for, a power of 2; by default 1.
 
         Yields
         ------
         RowDifferences
             The table for each circle, normalised to 1.
         """
+        sides = [1] * circles.size if side is None else side.tolist()
+        if self.settings.kind == "disc" and self.lens.is_round:
+            for circle, of_block in zip(np.abs(circles), sides, strict=True):
+                yield _disc_rows(*self._radii(0.5 * float(circle)), self.position, of_block)
+            return
+        for table, of_block in zip(self._tables_of_samples(circles), sides, strict=True):
+            yield widened(table, of_block)
+
+    def _tables_of_samples(self, circles: FloatArray) -> Iterator[RowDifferences]:
+        """Make the tables of single samples that no other picture is likely to have."""
         if self.settings.kind == "lommel":
             yield from self._lommel_tables(circles)
-        elif self.lens.is_round:
-            for circle in np.abs(circles):
-                yield _disc_rows(*self._radii(0.5 * float(circle)), self.position)
         else:
             lens = self.lens
             corners = polygon_vertices(lens.blades, lens.blade_rotation, lens.anamorphic_ratio)
@@ -307,15 +346,18 @@ class PsfBuilder:
             The same tables.
         """
         entries = np.cumsum([0] + [t.offset.size for t in tables])
+        row_begin = np.concatenate([t.row_begin + e for t, e in zip(tables, entries, strict=False)])
+        row_end = np.concatenate([t.row_end + e for t, e in zip(tables, entries, strict=False)])
+        delta = np.concatenate([_rounded(t) for t in tables])
         return PackedTables(
             first_row=np.array([t.first_row for t in tables], dtype=np.int32),
             rows=np.cumsum([0] + [t.row_begin.size for t in tables]),
-            row_begin=np.concatenate([t.row_begin + e for t, e in zip(tables, entries, strict=False)]),
-            row_end=np.concatenate([t.row_end + e for t, e in zip(tables, entries, strict=False)]),
-            offset=np.concatenate([t.offset for t in tables]).astype(np.int32),
-            delta=np.concatenate([_rounded(t) for t in tables]),
+            row_begin=row_begin,
+            row_end=row_end,
+            offset=np.concatenate([*(t.offset for t in tables), 0 * row_begin]).astype(np.int32),
+            delta=np.concatenate([delta, _sums_of_rows(row_begin, row_end, delta)]),
             symmetric=tables[0].symmetric,
-            mirror=tables[0].mirror,
+            mirror=np.array([t.mirror for t in tables], dtype=np.int32),
         )
 
     def _radii(self, radius: float) -> tuple[float, float]:
@@ -520,10 +562,10 @@ def _variances() -> tuple[FloatArray, FloatArray]:
     return radius, variance
 
 
-@functools.lru_cache(maxsize=1024)
-def _disc_rows(radius_x: float, radius_y: float, position: SamplePosition) -> RowDifferences:
+@functools.lru_cache(maxsize=2048)
+def _disc_rows(radius_x: float, radius_y: float, position: SamplePosition, side: int) -> RowDifferences:
     """Return a disc's table; frame after frame has circles of the same steps."""
-    return ellipse_rows(radius_x, radius_y, position)
+    return widened(ellipse_rows(radius_x, radius_y, position), side)
 
 
 def _rounded(table: RowDifferences) -> FloatArray:
@@ -535,6 +577,17 @@ def _rounded(table: RowDifferences) -> FloatArray:
         begin, last = table.row_begin[filled], table.row_end[filled] - 1
         delta[last] -= np.add.reduceat(delta, begin, axis=0)
     return np.asarray(delta * unit)
+
+
+def _sums_of_rows(row_begin: IntArray, row_end: IntArray, delta: FloatArray) -> FloatArray:
+    """Return what the entries of each row add up to."""
+    sums = np.zeros((row_begin.size, delta.shape[1]))
+    filled = np.flatnonzero(row_end > row_begin)
+    bounds = np.stack([row_begin[filled], row_end[filled]], axis=1).reshape(-1)
+    # The last bound is where the entries end, for which reduceat wants one more.
+    padded = np.concatenate([delta, np.zeros((1, delta.shape[1]))])
+    sums[filled] = np.add.reduceat(padded, bounds, axis=0)[::2]
+    return sums
 
 
 def _annulus_means(u: float, width: float, count: int) -> FloatArray:

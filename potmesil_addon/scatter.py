@@ -116,6 +116,8 @@ class Scatter:
         Rows and columns of the output.
     masks : Masks, optional
         Which parts of the aperture see each sample; by default all do.
+    marks : ndarray of float32 of shape (sheets, rows, columns, 2), optional
+        Two more numbers of each sample, to be spread as its colour is.
     """
 
     color: Float32Array
@@ -125,16 +127,19 @@ class Scatter:
     origin: tuple[int, int]
     shape: tuple[int, int]
     masks: Masks | None = None
+    marks: Float32Array | None = None
 
 
-def cuts_between_cells(radius_x: npt.NDArray[np.float64], mirror: int) -> npt.NDArray[np.int32]:
+def cuts_between_cells(
+    radius_x: npt.NDArray[np.float64], mirror: npt.NDArray[np.int32]
+) -> npt.NDArray[np.int32]:
     """Return at which columns the cells over circles begin and end.
 
     Parameters
     ----------
     radius_x : ndarray of float64 of shape (tables,)
         Half width in pixels of the square that the cells divide, for each table.
-    mirror : int
+    mirror : ndarray of int32 of shape (tables,)
         Sum of the columns of a pixel and of its mirror image: `PackedTables.mirror`.
 
     Returns
@@ -143,7 +148,7 @@ def cuts_between_cells(radius_x: npt.NDArray[np.float64], mirror: int) -> npt.ND
         The outermost cells have all that is beyond.
     """
     cells = np.arange(CELLS + 1) * (2.0 / CELLS) - 1.0
-    cuts = np.floor(cells * radius_x[:, np.newaxis] + 0.5 * mirror + 0.5).astype(np.int32)
+    cuts = np.floor(cells * radius_x[:, np.newaxis] + 0.5 * mirror[:, np.newaxis] + 0.5).astype(np.int32)
     cuts[:, 0], cuts[:, -1] = -_WIDE, _WIDE
     return cuts
 
@@ -162,7 +167,7 @@ def uses_numba(backend: Backend) -> bool:
 
 
 def scatter(
-    work: Scatter, output: Float32Array, reached: Float32Array, backend: Backend = "auto"
+    work: Scatter, output: Float32Array, marks: Float32Array | None = None, backend: Backend = "auto"
 ) -> Iterator[float]:
     """Scatter samples into pixels and divide by the weights, a few bands at a time.
 
@@ -172,8 +177,8 @@ def scatter(
         Samples, tables and output size.
     output : ndarray of float32 of shape (rows, columns, 4)
         Receives the premultiplied picture. Pixels that no sample reaches become 0.
-    reached : ndarray of float32 of shape (rows, columns)
-        Receives the sum of the weights of each pixel, those of green where the primaries differ.
+    marks : ndarray of float32 of shape (rows, columns, 2), optional
+        Receives the samples' marks; with green's table where the primaries differ.
     backend : {"auto", "numba", "numpy"}
         ``auto`` takes numba where it loads.
 
@@ -188,7 +193,7 @@ def scatter(
         If numba is asked for and missing.
     """
     if not uses_numba(backend):
-        yield from _scatter_numpy(work, output, reached)
+        yield from _scatter_numpy(work, output, marks)
         return
     tables, assignment = work.tables, work.assignment
     rows = work.shape[0]
@@ -210,15 +215,18 @@ def scatter(
         tables.row_end,
         tables.offset,
         tables.delta,
+        tables.sums,
         tables.symmetric,
         tables.mirror,
         tuple(range(tables.primaries)),
+        () if marks is None else (0, 1),
         work.origin[0],
         work.origin[1],
         masks,
         work.masks is not None,
+        np.zeros((0, 0, 0, 2), dtype=np.float32) if work.marks is None else work.marks,
         output,
-        reached,
+        np.zeros((0, 0, 2), dtype=np.float32) if marks is None else marks,
     )
     together = jit.set_thread_count(None) * 2
     for first in range(0, bands, together):
@@ -254,56 +262,57 @@ def _extremes(table: Any, top: Any, bottom: Any, first: Any, last: Any) -> None:
 
 @jit.kernel(inline=True)
 def _add(
-    total: Any, line: int, x: int, r: float, g: float, b: float, a: float, w: float,
-    delta: Any, e: int, sign: float, primaries: tuple[int, ...],
+    total: Any, line: int, x: int, r: float, g: float, b: float, a: float, w: float, q: float, d: float,
+    delta: Any, e: int, sign: float, primaries: tuple[int, ...], marks: tuple[int, ...],
 ) -> None:  # fmt: skip
     """Add one entry of a table to the sums of one pixel of the line that begins at `line`.
 
     What begins left of the frame has begun at its edge. All sums are read before one is written, and their
     places have no sign, so that the compiler adds several channels with one instruction.
     """
-    d = sign * delta[e, 0]
-    i: Any = np.uint64(line + max(x, 0) * (4 + len(primaries)))
+    f = sign * delta[e, 0]
+    i: Any = np.uint64(line + max(x, 0) * _channels(primaries, marks))
     if len(primaries) == 1:
-        t0, t1 = total[i] + r * d, total[i + np.uint64(1)] + g * d
-        t2, t3 = total[i + np.uint64(2)] + b * d, total[i + np.uint64(3)] + a * d
-        t4 = total[i + np.uint64(4)] + w * d
+        t0, t1 = total[i] + r * f, total[i + np.uint64(1)] + g * f
+        t2, t3 = total[i + np.uint64(2)] + b * f, total[i + np.uint64(3)] + a * f
+        t4 = total[i + np.uint64(4)] + w * f
+        if len(marks) == 2:
+            t5, t6 = total[i + np.uint64(5)] + q * f, total[i + np.uint64(6)] + d * f
+            # Two times four sums are two instructions.
+            t7 = total[i + np.uint64(7)] + w * f
+            total[i + np.uint64(5)], total[i + np.uint64(6)] = t5, t6
+            total[i + np.uint64(7)] = t7
         total[i], total[i + np.uint64(1)] = t0, t1
         total[i + np.uint64(2)], total[i + np.uint64(3)] = t2, t3
         total[i + np.uint64(4)] = t4
     else:
         green, blue = sign * delta[e, 1], sign * delta[e, 2]
-        t0, t1 = total[i] + r * d, total[i + np.uint64(1)] + g * green
+        t0, t1 = total[i] + r * f, total[i + np.uint64(1)] + g * green
         t2, t3 = total[i + np.uint64(2)] + b * blue, total[i + np.uint64(3)] + a * green
-        t4, t5 = total[i + np.uint64(4)] + w * d, total[i + np.uint64(5)] + w * green
+        t4, t5 = total[i + np.uint64(4)] + w * f, total[i + np.uint64(5)] + w * green
         t6 = total[i + np.uint64(6)] + w * blue
         total[i], total[i + np.uint64(1)] = t0, t1
         total[i + np.uint64(2)], total[i + np.uint64(3)] = t2, t3
         total[i + np.uint64(4)], total[i + np.uint64(5)] = t4, t5
         total[i + np.uint64(6)] = t6
+        if len(marks) == 2:
+            total[i + np.uint64(7)] += q * green
+            total[i + np.uint64(8)] += d * green
 
 
 @jit.kernel(inline=True)
-def _add_row(
-    total: Any, line: int, x: int, columns: int, r: float, g: float, b: float, a: float, w: float,
-    begin: int, end: int, offset: Any, delta: Any, symmetric: bool, mirror: int, primaries: tuple[int, ...],
-) -> None:  # fmt: skip
-    """Add the entries of a table's row to a line of sums; what begins right of it is not seen."""
-    for e in range(begin, end):
-        at = x + offset[e]
-        if at < columns:
-            _add(total, line, at, r, g, b, a, w, delta, e, 1.0, primaries)
-        if symmetric:
-            at = x + mirror - offset[e]
-            if at < columns:
-                _add(total, line, at, r, g, b, a, w, delta, e, -1.0, primaries)
+def _channels(primaries: tuple[int, ...], marks: tuple[int, ...]) -> int:
+    """Return the sums of a pixel: colour and alpha, a weight for each primary, marks."""
+    if len(marks) == 0:
+        return 4 + len(primaries)
+    return 8 if len(primaries) == 1 else 9
 
 
 @jit.kernel()
 def _add_part_of_row(
     total: Any, line: int, x: int, columns: int, r: float, g: float, b: float, a: float, w: float,
-    begin: int, end: int, offset: Any, delta: Any, symmetric: bool, mirror: int, primaries: tuple[int, ...],
-    low: int, high: int, run: Any,
+    q: float, d: float, begin: int, end: int, offset: Any, delta: Any, symmetric: bool, mirror: int,
+    primaries: tuple[int, ...], marks: tuple[int, ...], low: int, high: int, run: Any,
 ) -> None:  # fmt: skip
     """Add what lies from column `low` up to `high` of a table's row.
 
@@ -321,30 +330,32 @@ def _add_part_of_row(
                 for p in range(len(primaries)):
                     run[0, p] += sign * delta[e, p]
             elif at < high and x + at < columns:
-                _add(total, line, x + at, r, g, b, a, w, delta, e, sign, primaries)
+                _add(total, line, x + at, r, g, b, a, w, q, d, delta, e, sign, primaries, marks)
             if at < high:
                 for p in range(len(primaries)):
                     run[1, p] += sign * delta[e, p]
     for e in range(2):
         at = low if e == 0 else high
         if abs(at) < _WIDE and x + at < columns:
-            _add(total, line, x + at, r, g, b, a, w, run, e, 1.0 - 2.0 * e, primaries)
+            _add(total, line, x + at, r, g, b, a, w, q, d, run, e, 1.0 - 2.0 * e, primaries, marks)
 
 
 @jit.kernel(inline=True)
 def _add_table(
     total: Any, plane: int, height: int, columns: int,
-    t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float,
-    first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any,
-    symmetric: bool, mirror: int, primaries: tuple[int, ...], masks: Any, number: int, run: Any,
+    t: int, x: int, y: int, r: float, g: float, b: float, a: float, w: float, q: float, d: float,
+    first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any, sums: int,
+    symmetric: bool, mirror_of: Any, primaries: tuple[int, ...], marks: tuple[int, ...],
+    masks: Any, number: int, run: Any,
 ) -> None:  # fmt: skip
     """Add one sample through table `t` to a band of sums; `y` counts from the band's first row.
 
-    Of a sample with a mask, those parts that it lets through: runs of cells in each row.
+    Of a sample with a mask, those parts that it lets through: runs of cells in each row. What begins right
+    of the frame is not seen.
     """
     start = y + first_row[t]
-    first = rows[t]
-    stride = columns * (4 + len(primaries))
+    first, mirror = rows[t], mirror_of[t]
+    stride = columns * _channels(primaries, marks)
     scale = _rows_of_cells(masks.radius_y[t]) if number >= 0 else 0.0
     for j in range(max(0, -start), min(rows[t + 1] - first, height - start)):
         line = plane + (start + j) * stride
@@ -365,18 +376,37 @@ def _add_table(
                 low, high = masks.cuts[t, _place_of(lowest)], masks.cuts[t, _place_of(carried & -carried)]
                 if low >= high:
                     continue
-            # Of a symmetric table the last entry lies farthest out; of others it is not known.
-            farthest = offset[end - 1] if symmetric else _WIDE - 1
-            if low < mirror - farthest and high > farthest:
-                _add_row(
-                    total, line, x, columns, r, g, b, a, w, begin, end, offset, delta, symmetric, mirror,
-                    primaries,
-                )  # fmt: skip
-            else:
+            # A symmetric table's row is even between its first entry and that one's mirror image. Whatever
+            # begins or ends there does so at once, and what does beyond the last entry follows the row.
+            inner = offset[begin] if symmetric else 0
+            outer = offset[end - 1] if symmetric else _WIDE - 1
+            whole_left, whole_right = low < mirror - outer, high > outer
+            if not (
+                (whole_left or mirror - inner <= low < inner)
+                and (whole_right or mirror - inner < high <= inner)
+            ):
                 _add_part_of_row(
-                    total, line, x, columns, r, g, b, a, w, begin, end, offset, delta, symmetric, mirror,
-                    primaries, low, high, run,
+                    total, line, x, columns, r, g, b, a, w, q, d, begin, end, offset, delta, symmetric,
+                    mirror, primaries, marks, low, high, run,
                 )  # fmt: skip
+                continue
+            # The left half and the right one: entry by entry, or at once what they add up to.
+            for half in range(2):
+                e, last, at, step, sign = begin, end, x, 1, 1.0
+                if half == 0:
+                    if not symmetric:
+                        continue
+                    at, step, sign = x + mirror, -1, -1.0
+                if not (whole_left if half == 0 else whole_right):
+                    e, at = sums + first + j, x + (low if half == 0 else high)
+                    last = e + 1
+                while e < last:
+                    if at + step * offset[e] < columns:
+                        _add(
+                            total, line, at + step * offset[e], r, g, b, a, w, q, d, delta, e, sign,
+                            primaries, marks,
+                        )  # fmt: skip
+                    e += 1
 
 
 @jit.kernel(inline=True)
@@ -396,9 +426,9 @@ def _scatter_bands(
     first_band: int, end_band: int,
     color: Any, weight: Any, table: Any, fraction: Any, interpolated: bool,
     first_reached: Any, last_reached: Any,
-    first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any,
-    symmetric: bool, mirror: int, primaries: tuple[int, ...],
-    origin_x: int, origin_y: int, masks: Any, masked: bool, output: Any, reached: Any,
+    first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any, sums: int,
+    symmetric: bool, mirror: Any, primaries: tuple[int, ...], marks: tuple[int, ...],
+    origin_x: int, origin_y: int, masks: Any, masked: bool, mark: Any, output: Any, marks_out: Any,
 ) -> None:  # fmt: skip
     """Scatter all samples that reach some bands of the output into them, and divide by the weights.
 
@@ -407,7 +437,7 @@ def _scatter_bands(
     a test of the latter in the innermost loop would cost several times as much as the loop.
     """
     height, columns = output.shape[0], output.shape[1]
-    channels = 4 + len(primaries)
+    channels = _channels(primaries, marks)
     for band in jit.prange(first_band, end_band):
         top = band * BAND_ROWS
         bottom = min(top + BAND_ROWS, height)
@@ -434,10 +464,14 @@ def _scatter_bands(
                         w: Any = np.float32(whole * (after if further == 1 else 1.0 - after))
                         r, g = color[sheet, row, column, 0] * w, color[sheet, row, column, 1] * w
                         b, a = color[sheet, row, column, 2] * w, color[sheet, row, column, 3] * w
+                        q: Any = np.float32(0.0)
+                        d: Any = np.float32(0.0)
+                        if len(marks) == 2:
+                            q, d = mark[sheet, row, column, 0] * w, mark[sheet, row, column, 1] * w
                         _add_table(
-                            total, plane, bottom - top, columns, t, x, y, r, g, b, a, w, first_row, rows,
-                            row_begin, row_end, offset, delta, symmetric, mirror, primaries,
-                            masks, number, run,
+                            total, plane, bottom - top, columns, t, x, y, r, g, b, a, w, q, d, first_row,
+                            rows, row_begin, row_end, offset, delta, sums, symmetric, mirror, primaries,
+                            marks, masks, number, run,
                         )  # fmt: skip
         for row in range(bottom - top):
             line = row * columns * channels
@@ -447,21 +481,25 @@ def _scatter_bands(
             for column in range(columns):
                 behind = masked and not masks.sharp[top + row, column]
                 i = line + column * channels
-                for c in range(4):
-                    at = 4
+                for c in range(4 + len(marks)):
+                    at, sum_of = 4, c
                     if len(primaries) == 3 and c > 0:
                         at = 6 if c == 2 else 5
-                    light, below = total[i + c], total[i + at]
+                    if c >= 4:
+                        sum_of += len(primaries)
+                    light, below = total[i + sum_of], total[i + at]
                     if masked:
-                        more, partly = total[size + i + c], total[size + i + at]
+                        more, partly = total[size + i + sum_of], total[size + i + at]
                         if behind:
-                            more += total[2 * size + i + c]
+                            more += total[2 * size + i + sum_of]
                             partly += total[2 * size + i + at]
                         gain = _gain(below, partly)
                         light, below = light + gain * more, below + gain * partly
-                    output[top + row, column, c] = light / below if below > _NO_LIGHT else 0.0
-                    if c == 1:
-                        reached[top + row, column] = below
+                    value = light / below if below > _NO_LIGHT else 0.0
+                    if c < 4:
+                        output[top + row, column, c] = value
+                    elif len(marks) == 2:
+                        marks_out[top + row, column, c - 4] = value
 
 
 @jit.kernel(inline=True)
@@ -473,10 +511,12 @@ def _gain(whole: float, partly: float) -> float:
     return min(max((1.0 - whole) / max(partly, _NO_LIGHT), 0.0), _MOST_GAIN)
 
 
-def _scatter_numpy(work: Scatter, output: Float32Array, reached: Float32Array) -> Iterator[float]:
+def _scatter_numpy(work: Scatter, output: Float32Array, marks: Float32Array | None) -> Iterator[float]:
     """Scatter all samples, table by table and entry by entry."""
     tables, assignment = work.tables, work.assignment
     primary = np.array(_SHARED_PRIMARY if tables.primaries == 1 else _OWN_PRIMARY)
+    if marks is not None:
+        primary = np.append(primary, primary[[1, 1]])
     height, columns = work.shape
     sheets, sample_rows, sample_columns = work.weight.shape
     # A margin all round takes what falls outside, so no entry needs a test.
@@ -490,6 +530,7 @@ def _scatter_numpy(work: Scatter, output: Float32Array, reached: Float32Array) -
     place = (row + work.origin[1] + above) * stride + column + work.origin[0] + left
     for sheet in range(sheets):
         color, weight = work.color[sheet].reshape(-1, 4), work.weight[sheet].reshape(-1)
+        mark = None if work.marks is None else work.marks[sheet].reshape(-1, 2)
         fraction = None if assignment.fraction is None else assignment.fraction[sheet].reshape(-1)
         used = np.flatnonzero(weight > 0.0)
         table = assignment.table[sheet].reshape(-1)[used]
@@ -503,8 +544,10 @@ def _scatter_numpy(work: Scatter, output: Float32Array, reached: Float32Array) -
                     continue
                 # In single precision as in the kernel, so that times a table's entry the product is exact.
                 w = (weight[samples] * share).astype(np.float32)[:, np.newaxis]
-                weights = np.repeat(w, primary.size - 4, axis=1)
-                value = np.concatenate([color[samples] * w, weights], axis=1).astype(np.float64)
+                values = [color[samples] * w, np.repeat(w, tables.primaries, axis=1)]
+                if mark is not None:
+                    values.append(mark[samples] * w)
+                value = np.concatenate(values, axis=1).astype(np.float64)
                 if work.masks is None:
                     _add_samples(tables, n, place[samples], value, stride, primary, totals[0])
                     continue
@@ -517,16 +560,19 @@ def _scatter_numpy(work: Scatter, output: Float32Array, reached: Float32Array) -
                     cells, at = work.masks.cells[number[which]], place[samples[which]]
                     _add_masked(tables, n, at, value[which], stride, primary, total, work.masks, cells)
             yield (sheet + (t + 1) / (tables.count + 1)) / sheets
-    sums = np.cumsum(totals.reshape(3, -1, stride, primary.size), axis=2)
-    whole, partly, behind = sums[:, above : above + height, left : left + columns]
-    weights = 4 + primary[:4] if tables.primaries == 3 else np.full(4, 4)
-    light, below_line = whole[..., :4], whole[..., weights]
+    added = np.cumsum(totals.reshape(3, -1, stride, primary.size), axis=2)
+    whole, partly, behind = added[:, above : above + height, left : left + columns]
+    sums = np.r_[0:4, 4 + tables.primaries : primary.size]
+    weights = 4 + primary[sums]
+    light, below_line = whole[..., sums], whole[..., weights]
     if work.masks is not None:
         partly = partly + np.where(work.masks.sharp[..., np.newaxis], 0.0, behind)
         gain = np.clip((1.0 - below_line) / np.maximum(partly[..., weights], _NO_LIGHT), 0.0, _MOST_GAIN)
-        light, below_line = light + gain * partly[..., :4], below_line + gain * partly[..., weights]
-    reached[:] = below_line[..., 1]
-    output[:] = np.divide(light, below_line, out=np.zeros_like(light), where=below_line > _NO_LIGHT)
+        light, below_line = light + gain * partly[..., sums], below_line + gain * partly[..., weights]
+    values = np.divide(light, below_line, out=np.zeros_like(light), where=below_line > _NO_LIGHT)
+    output[:] = values[..., :4]
+    if marks is not None:
+        marks[:] = values[..., 4:]
     yield 1.0
 
 
@@ -542,17 +588,20 @@ def _add_samples(
     """Add samples that share a table; no two have the same place, so plain indexing adds them all."""
     for j in range(int(tables.rows[t + 1] - tables.rows[t])):
         line = place + (int(tables.first_row[t]) + j) * stride
-        offset, delta = _row_entries(tables, int(tables.rows[t]) + j)
+        offset, delta = _row_entries(tables, t, j)
         for at, entry in zip(offset, delta, strict=True):
             total[line + at] += value * entry[primary]
 
 
-def _row_entries(tables: PackedTables, row: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+def _row_entries(
+    tables: PackedTables, t: int, j: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
     """Return the entries of a table's row, both halves."""
+    row = int(tables.rows[t]) + j
     entries = slice(tables.row_begin[row], tables.row_end[row])
     offset, delta = tables.offset[entries].astype(np.int64), tables.delta[entries]
     if tables.symmetric:
-        offset = np.concatenate([offset, tables.mirror - offset])
+        offset = np.concatenate([offset, tables.mirror[t] - offset])
         delta = np.concatenate([delta, -delta])
     return offset, delta
 
@@ -571,11 +620,11 @@ def _add_masked(
     """Add samples that share a table through their masks, cell by cell."""
     scale = _rows_of_cells(float(masks.radius_y[t]))
     for j in range(int(tables.rows[t + 1] - tables.rows[t])):
-        down = (int(tables.first_row[t]) + j + 0.5 - 0.5 * tables.mirror) * scale
+        down = (int(tables.first_row[t]) + j + 0.5 - 0.5 * int(tables.mirror[t])) * scale
         cell_row = math.floor(down + 0.5 * CELLS)
         row_bits = cells[:, min(max(cell_row, 0), CELLS - 1)]
         line = place + (int(tables.first_row[t]) + j) * stride
-        offset, delta = _row_entries(tables, int(tables.rows[t]) + j)
+        offset, delta = _row_entries(tables, t, j)
         for cell in range(CELLS):
             lit = np.flatnonzero(row_bits >> cell & 1)
             low, high = masks.cuts[t, cell], masks.cuts[t, cell + 1]

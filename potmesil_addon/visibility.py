@@ -60,6 +60,9 @@ more for slanted ones. Less than 1 and the tolerance, or all neighbours on one s
 MOST_RADIUS: Final = 4096.0
 """Radius in pixels past which a circle counts as no larger."""
 
+_LARGEST_SQUARE: Final = 8
+"""Side in pixels, a power of 2, of the largest squares that even surfaces are drawn in."""
+
 _STRIDE: Final = 7
 """Step through the cells of a square from one turn to the next; it has no factor in common with their
 number."""
@@ -69,6 +72,9 @@ _BITS_AT_ONCE: Final = 8
 
 _ROUNDING: Final = 1e-9
 """Share of the aperture that is none."""
+
+_ALMOST: Final = float(np.nextafter(np.float32(1.0), np.float32(0.0)))
+"""Share of the aperture that is not all of it."""
 
 _TOLERANCE: Final = 0.25
 """Pixels of radius by which surfaces may differ without one hiding the other."""
@@ -228,7 +234,13 @@ class Seen:
 
 
 def decide(
-    fragments: Fragments, cells: ApertureCells, turn: int | None = None, *, compiled: bool = True
+    fragments: Fragments,
+    cells: ApertureCells,
+    turn: int | None = None,
+    *,
+    brightest: float = math.inf,
+    side: npt.NDArray[np.uint8] | None = None,
+    compiled: bool = True,
 ) -> Seen:
     """Find out which cells of the aperture see each fragment.
 
@@ -241,13 +253,19 @@ def decide(
     turn : int, optional
         Number of this instant where many are added up. Each then looks through few points, and each through
         others: an instant of one point is a part of the aperture and of the time.
+    brightest : float, optional
+        Light, on average over red, green and blue, past which a large circle is seen by itself and is cut
+        more finely; see `brightness_of_lights`.
+    side : ndarray of uint8 of shape (sheets, rows, columns), optional
+        Side of the block of fragments that spreads as one, at its upper left; 0 for those that do not spread
+        or do so with their block. By default each for itself.
     compiled : bool
         Whether to use the compiled kernels.
 
     Returns
     -------
     Seen
-        Masks.
+        Masks; those of a block at its upper left, as its middle is seen.
     """
     coverage = fragments.coverage
     share = np.ones(coverage.shape, dtype=np.float32)
@@ -256,10 +274,12 @@ def decide(
     number = np.full(coverage.shape, -1, dtype=np.int32)
     limit = np.empty_like(fragments.radius)
     _find_limits(fragments.radius, fragments.slope, limit)
-    hidden, hiding = _to_decide(fragments, limit, cells.stretch)
-    if hidden.size == 0 or hiding.size == 0:
+    hidden, before = _to_decide(fragments, limit, cells.stretch)
+    if hidden.size == 0 or before.radius.size == 0:
         return Seen(share, number, np.zeros((0, CELLS), dtype=np.uint16))
-    before, behind = _taken(fragments, hiding, limit), _taken(fragments, hidden, limit)
+    if side is not None:
+        hidden = _of_blocks(hidden, side)
+    behind = _taken(fragments, hidden, limit, side)
     shape = coverage.shape[1:]
     pinholes = cells.pinholes(_SPAN) if turn is None else cells.pinholes(2 * _SPAN, turn)
     squares = _squares_seen(before, behind, pinholes, shape, compiled)
@@ -267,38 +287,58 @@ def decide(
     partly = np.flatnonzero((seen > 0.0) & (seen < 1.0))
     mask = _masks(squares[:, partly], behind.radius[partly], pinholes.span)
     if turn is None:
-        bright = np.flatnonzero(_shows_its_shape(fragments, hidden[partly]))
+        bright = np.flatnonzero(_shows_its_shape(fragments, hidden[partly], brightest))
         if bright.size:
             which, pinholes = partly[bright], cells.pinholes(1)
-            hiding = _hiding(fragments, hidden[which], limit, cells.stretch)
-            before = _taken(fragments, hiding, limit)
+            before = _hiding(fragments, hidden[which], limit, cells.stretch)
             squares = _squares_seen(before, _some(behind, which), pinholes, shape, compiled)
             seen[which] = _shares(squares, cells.area, pinholes.span)
             mask[bright] = _masks(squares, behind.radius[which], pinholes.span)
             still = (seen[partly] > 0.0) & (seen[partly] < 1.0)
             partly, mask = partly[still], mask[still]
+    # Of a block whose middle is seen whole some corner may not be.
+    seen[(seen == 1.0) & (behind.side > 1.0)] = _ALMOST
     share.reshape(-1)[hidden] = seen
     number.reshape(-1)[hidden[partly]] = np.arange(partly.size, dtype=np.int32)
     return Seen(share, number, mask)
 
 
-def _shows_its_shape(fragments: Fragments, which: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+def _shows_its_shape(
+    fragments: Fragments, which: npt.NDArray[np.int64], brightest: float
+) -> npt.NDArray[np.bool_]:
     """Return which fragments are so bright and so blurred that one sees the shape of their circle."""
     light = fragments.color[..., :3].reshape(-1, 3)[which].mean(axis=1)
-    usual = float(fragments.color[0, ..., :3].mean())
     large = np.abs(fragments.radius.reshape(-1)[which]) > _LARGE
-    return np.asarray((light > _BRIGHT * usual) & large)
+    return np.asarray((light > brightest) & large)
+
+
+def brightness_of_lights(fragments: Fragments) -> float:
+    """Return the light, on average over red, green and blue, past which one sees a sample's own circle.
+
+    Parameters
+    ----------
+    fragments : Fragments
+        The surfaces of each pixel.
+
+    Returns
+    -------
+    float
+        Four times the mean of what a pinhole sees.
+    """
+    return _BRIGHT * float(fragments.color[0, ..., :3].mean())
 
 
 class _Points(NamedTuple):
-    """Fragments in a row, as the kernels read them.
+    """Fragments in a row, or squares of those that are alike, as the kernels read them.
 
-    `level` is where a fragment that covers a part of a pixel begins to choose among the points of the
-    aperture, `visible_to` the least radius before it that hides nothing.
+    `side` is that of a square in pixels, around its middle; `level` where a fragment that covers a part of a
+    pixel begins to choose among the points of the aperture; `visible_to` the least radius before it that
+    hides nothing.
     """
 
     x: Float32Array
     y: Float32Array
+    side: Float32Array
     radius: Float32Array
     slope_x: Float32Array
     slope_y: Float32Array
@@ -311,9 +351,38 @@ def _some(points: _Points, which: npt.NDArray[np.int64]) -> _Points:
     return _Points(*(values[which] for values in points))
 
 
-def _taken(fragments: Fragments, which: npt.NDArray[np.int64], limit: Float32Array) -> _Points:
-    """Return those fragments whose places are given; `limit` is that of all of them."""
+def _of_blocks(which: npt.NDArray[np.int64], side: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
+    """Return the places of the blocks that have some of the fragments whose places are given."""
+    some = np.zeros(side.shape, dtype=np.bool_)
+    some.reshape(-1)[which] = True
+    of_blocks = np.zeros_like(some)
+    _find_blocks(some, side, of_blocks)
+    return np.flatnonzero(of_blocks)
+
+
+@jit.kernel(parallel=True)
+def _find_blocks(some: Any, side: Any, of_blocks: Any) -> None:
+    for row in jit.prange(side.shape[1]):
+        y: Any = np.int64(row)
+        for sheet in range(side.shape[0]):
+            for x in range(side.shape[2]):
+                for v in range(y, y + side[sheet, y, x]):
+                    for u in range(x, x + side[sheet, y, x]):
+                        of_blocks[sheet, y, x] |= some[sheet, v, u]
+
+
+def _taken(
+    fragments: Fragments,
+    which: npt.NDArray[np.int64],
+    limit: Float32Array,
+    side: npt.NDArray[np.uint8] | None = None,
+) -> _Points:
+    """Return those fragments whose places are given, or the middles of the blocks that begin there.
+
+    `limit` is that of all fragments.
+    """
     taken = _Points(*(np.empty(which.size, dtype=np.float32) for _ in _Points._fields))
+    taken.side[:] = 1.0 if side is None else side.reshape(-1)[which]
     _take(
         which, fragments.radius, fragments.slope, fragments.coverage, limit, fragments.radius.shape[2],
         *taken,
@@ -324,7 +393,7 @@ def _taken(fragments: Fragments, which: npt.NDArray[np.int64], limit: Float32Arr
 @jit.kernel(parallel=True)
 def _take(
     which: Any, radius: Any, slope: Any, coverage: Any, limit: Any, columns: int,
-    out_x: Any, out_y: Any, out_radius: Any, out_slope_x: Any, out_slope_y: Any,
+    out_x: Any, out_y: Any, out_side: Any, out_radius: Any, out_slope_x: Any, out_slope_y: Any,
     out_coverage: Any, out_level: Any, out_visible_to: Any,
 ) -> None:  # fmt: skip
     rows = radius.shape[1]
@@ -332,9 +401,11 @@ def _take(
         k: Any = np.int64(number)
         sheet, place = which[k] // (rows * columns), which[k] % (rows * columns)
         y, x = place // columns, place % columns
-        out_x[k], out_y[k], out_radius[k] = x, y, radius[sheet, y, x]
+        off = np.float32(0.5) * out_side[k] - np.float32(0.5)
+        rise = off * (slope[sheet, y, x, 0] + slope[sheet, y, x, 1])
+        out_x[k], out_y[k], out_radius[k] = x + off, y + off, radius[sheet, y, x] + rise
         out_slope_x[k], out_slope_y[k] = slope[sheet, y, x, 0], slope[sheet, y, x, 1]
-        out_coverage[k], out_visible_to[k] = coverage[sheet, y, x], limit[sheet, y, x]
+        out_coverage[k], out_visible_to[k] = coverage[sheet, y, x], limit[sheet, y, x] + rise
         level = _LEVEL_X * x + _LEVEL_Y * y
         out_level[k] = level - math.floor(level)
 
@@ -353,8 +424,8 @@ def _find_limits(radius: Any, slope: Any, limit: Any) -> None:
 
 def _to_decide(
     fragments: Fragments, limit: Float32Array, stretch: float
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return which fragments something may hide in parts, and which may hide them.
+) -> tuple[npt.NDArray[np.int64], _Points]:
+    """Return which fragments something may hide in parts, and those that may hide them.
 
     A surface of radius r hides one of R from a point of the aperture only if they are no farther apart than
     R - r: a cone stands over each, and only what it covers can matter.
@@ -376,8 +447,8 @@ def _to_decide(
 
 def _hiding(
     fragments: Fragments, hidden: npt.NDArray[np.int64], limit: Float32Array, stretch: float
-) -> npt.NDArray[np.int64]:
-    """Return which fragments may hide some of those given."""
+) -> _Points:
+    """Return the fragments that may hide some of those given, alike ones in squares."""
     farthest = np.full(limit.shape[1:], np.float32(-np.inf))
     # Views of one pixel come one after the other.
     for first, last in itertools.pairwise(np.searchsorted(hidden, np.arange(len(limit) + 1) * farthest.size)):
@@ -388,7 +459,33 @@ def _hiding(
     before = fragments.coverage > 0.0
     for sheet, radius in enumerate(fragments.radius):
         before[sheet] &= (radius * np.float32(stretch) <= most) | (radius < farthest)
-    return np.flatnonzero(before)
+    side = before.view(np.uint8)
+    _put_in_squares(fragments.radius, fragments.coverage, side)
+    return _taken(fragments, np.flatnonzero(side), limit, side)
+
+
+@jit.kernel(parallel=True)
+def _put_in_squares(radius: Any, coverage: Any, side: Any) -> None:
+    """Make squares of what is there and belongs to one surface, in place: their sides at the upper left."""
+    sheets, rows, columns = radius.shape
+    strips = (rows + _LARGEST_SQUARE - 1) // _LARGEST_SQUARE
+    for number in jit.prange(sheets * strips):
+        n: Any = np.int64(number)
+        sheet, top = n // strips, n % strips * _LARGEST_SQUARE
+        bottom = min(top + _LARGEST_SQUARE, rows)
+        h = 1
+        while h < _LARGEST_SQUARE:
+            for y in range(top, bottom - 2 * h + 1, 2 * h):
+                for x in range(0, columns - 2 * h + 1, 2 * h):
+                    low, high, alike = radius[sheet, y, x], radius[sheet, y, x], True
+                    for v in (y, y + h):
+                        for u in (x, x + h):
+                            low, high = min(low, radius[sheet, v, u]), max(high, radius[sheet, v, u])
+                            alike &= side[sheet, v, u] == h and coverage[sheet, v, u] >= 1.0
+                    if alike and high - low <= _TOLERANCE:
+                        side[sheet, y, x + h], side[sheet, y + h, x] = 0, 0
+                        side[sheet, y, x], side[sheet, y + h, x + h] = 2 * h, 0
+            h *= 2
 
 
 def _cones(peaks: Float32Array) -> Float32Array:
@@ -481,32 +578,37 @@ def _squares_seen(
 ) -> Mask:
     """Return which squares of the aperture see hidden fragments: (rows of squares, fragments), a bit each."""
     squares = np.zeros((pinholes.used.shape[0], hidden.radius.size), dtype=np.uint16)
-    look = _look if compiled else _look_numpy
-    look(hiding, hidden, pinholes, shape[0], shape[1], squares)
+    if compiled:
+        farther = np.float32(max(0.0, float(hidden.visible_to.max() - hiding.radius.min())) + 1.0)
+        _look(hiding, hidden, pinholes, shape[0], shape[1], squares, farther)
+    else:
+        _look_numpy(hiding, hidden, pinholes, shape[0], shape[1], squares)
     return squares
 
 
 @jit.kernel(parallel=True)
 def _look(
-    hiding: _Points, hidden: _Points, pinholes: Pinholes, rows: int, columns: int, squares: Any
+    hiding: _Points, hidden: _Points, pinholes: Pinholes, rows: int, columns: int, squares: Any, farther: Any
 ) -> None:
     """Draw fragments through each point of the aperture, and note which of those behind are seen.
 
-    A row of points is one thread's work.
+    A row of points is one thread's work. Each draws nearer than all before it, by more than anything that is
+    tested lies `farther` than what is drawn: what they left is as good as nothing, and need not be cleared.
     """
     for number in jit.prange(pinholes.used.shape[0]):
         row: Any = np.int64(number)
         # The last place takes what lies outside.
         nearest = np.empty(rows * columns + 1, dtype=np.float32)
+        nearest[:] = np.float32(np.inf)
         place = np.empty(_CHUNK, dtype=np.uint32)
         for column in range(pinholes.used.shape[1]):
             if not pinholes.used[row, column]:
                 continue
-            nearest[:] = np.float32(np.inf)
+            nearer = np.float32(-column) * farther
             ax, ay = np.float32(pinholes.x[row, column]), np.float32(pinholes.y[row, column])
-            _draw(hiding, ax, ay, np.float32(_dither(row, column)), nearest, rows, columns, place)
+            _draw(hiding, ax, ay, np.float32(_dither(row, column)), nearer, nearest, rows, columns, place)
             nearest[rows * columns] = np.float32(np.inf)
-            _test(hidden, ax, ay, nearest, rows, columns, squares, row, np.uint16(1 << column), place)
+            _test(hidden, ax, ay, nearer, nearest, rows, columns, squares, row, np.uint16(1 << column), place)
 
 
 @jit.kernel(inline=True)
@@ -517,14 +619,15 @@ def _dither(row: Any, column: Any) -> Any:
 
 @jit.kernel()
 def _draw(
-    points: _Points, ax: Any, ay: Any, dither: Any, nearest: Any, rows: int, columns: int, place: Any
-) -> None:
+    points: _Points, ax: Any, ay: Any, dither: Any, nearer: Any, nearest: Any, rows: int, columns: int,
+    place: Any,
+) -> None:  # fmt: skip
     """Draw fragments through a point of the aperture, each as large as its surface looks from there.
 
     Almost always that is one pixel: surfaces hardly grow or shrink from one point of the aperture to another.
     """
-    half = np.float32(0.5)
-    x, y, radius, level = points.x, points.y, points.radius, points.level
+    half, one = np.float32(0.5), np.float32(1.0)
+    x, y, side, radius, level = points.x, points.y, points.side, points.radius, points.level
     slope_x, slope_y, coverage = points.slope_x, points.slope_y, points.coverage
     end_x, end_y = np.int32(columns), np.int32(rows)
     outside = np.uint32(rows * columns)
@@ -534,7 +637,10 @@ def _draw(
         for i in range(count):
             k = first + i
             at_x, at_y = x[k] + radius[k] * ax, y[k] + radius[k] * ay
-            half_x, half_y = half + half * slope_x[k] * ax, half + half * slope_y[k] * ay
+            half_x, half_y = (
+                half * side[k] * (one + slope_x[k] * ax),
+                half * side[k] * (one + slope_y[k] * ay),
+            )
             u, v = np.int32(np.ceil(at_x - half_x)), np.int32(np.ceil(at_y - half_y))
             across, down = np.int32(np.ceil(at_x + half_x)) - u, np.int32(np.ceil(at_y + half_y)) - v
             chosen = level[k] + dither
@@ -546,20 +652,24 @@ def _draw(
         for i in range(count):
             k = first + i
             if place[i] <= outside:
-                nearest[place[i]] = min(nearest[place[i]], radius[k])
+                nearest[place[i]] = min(nearest[place[i]], radius[k] + nearer)
                 continue
             at_x, at_y = x[k] + radius[k] * ax, y[k] + radius[k] * ay
-            half_x, half_y = half + half * slope_x[k] * ax, half + half * slope_y[k] * ay
+            half_x, half_y = (
+                half * side[k] * (one + slope_x[k] * ax),
+                half * side[k] * (one + slope_y[k] * ay),
+            )
             u, v = math.ceil(at_x - half_x), math.ceil(at_y - half_y)
             u_end, v_end = math.ceil(at_x + half_x), math.ceil(at_y + half_y)
+            at = radius[k] + nearer
             for q in range(max(v, 0), min(v_end, rows)):
                 for p in range(max(u, 0), min(u_end, columns)):
-                    nearest[q * columns + p] = min(nearest[q * columns + p], radius[k])
+                    nearest[q * columns + p] = min(nearest[q * columns + p], at)
 
 
 @jit.kernel()
 def _test(
-    points: _Points, ax: Any, ay: Any, nearest: Any, rows: int, columns: int,
+    points: _Points, ax: Any, ay: Any, nearer: Any, nearest: Any, rows: int, columns: int,
     squares: Any, row: Any, bit: Any, place: Any,
 ) -> None:  # fmt: skip
     """Note which fragments nothing hides from a point of the aperture."""
@@ -577,7 +687,7 @@ def _test(
             place[i] = np.uint32(v * end_x + u) if inside else outside
         for i in range(count):
             k = first + i
-            squares[row, k] |= bit if visible_to[k] <= nearest[place[i]] else np.uint16(0)
+            squares[row, k] |= bit if visible_to[k] + nearer <= nearest[place[i]] else np.uint16(0)
 
 
 def _look_numpy(
@@ -591,7 +701,7 @@ def _look_numpy(
         chosen = hiding.level + np.float32(_dither(row, column))
         p = _some(hiding, np.flatnonzero(chosen - np.floor(chosen) < hiding.coverage))
         at_x, at_y = p.x + p.radius * ax, p.y + p.radius * ay
-        half_x, half_y = half + half * p.slope_x * ax, half + half * p.slope_y * ay
+        half_x, half_y = half * p.side * (1 + p.slope_x * ax), half * p.side * (1 + p.slope_y * ay)
         first_x, end_x = np.ceil(at_x - half_x).astype(np.int64), np.ceil(at_x + half_x).astype(np.int64)
         first_y, end_y = np.ceil(at_y - half_y).astype(np.int64), np.ceil(at_y + half_y).astype(np.int64)
         for j in range(int((end_y - first_y).max(initial=0))):

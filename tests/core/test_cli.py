@@ -641,6 +641,14 @@ def test_png_has_straight_alpha(potmesil: Runner, tmp_path: Path) -> None:
     assert (values == [255, 255, 255, 128]).all()
 
 
+@pytest.mark.parametrize("options", [[], ["--no-blocks"]])
+def test_blocks_are_a_choice(potmesil: Runner, tmp_path: Path, options: list[str]) -> None:
+    report = tmp_path / "report.json"
+    source = rendered_file(tmp_path)
+    assert potmesil("process", source, "-o", tmp_path / "out.exr", "--report", report, *options).status == 0
+    assert json.loads(report.read_text(encoding="utf-8"))["lens"]["blocks"] is (not options)
+
+
 def test_report_is_strict_json(potmesil: Runner, tmp_path: Path) -> None:
     channels = plain_channels(8, 12)
     channels["Z"][:] = np.inf

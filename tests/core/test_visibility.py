@@ -30,7 +30,13 @@ from potmesil_addon.psf import PsfBuilder, PsfSettings, TableAssignment
 from potmesil_addon.samples import SampleLayer, Samples, Window
 from potmesil_addon.scatter import WHOLE as WHOLE_LIGHT
 from potmesil_addon.scatter import Masks, Scatter, cuts_between_cells, scatter
-from potmesil_addon.visibility import CELLS, VISIBILITIES, aperture_cells, decide
+from potmesil_addon.visibility import (
+    CELLS,
+    VISIBILITIES,
+    aperture_cells,
+    brightness_of_lights,
+    decide,
+)
 
 from .helpers import Array, Picture, focused, make_samples, polygon_vertices_by_hand, square_film
 
@@ -630,7 +636,8 @@ def test_without_edges_the_whole_aperture_sees_all(mixed: bool, backend: Any) ->
     radius = cap(40, 50).astype(np.float32)[np.newaxis]
     color = np.random.default_rng(4).random((1, 40, 50, 4)).astype(np.float32)
     fragments = fragments_of(color, depth_of(radius).astype(np.float32), radius, 1.0, mixed=mixed)
-    seen = decide(fragments, aperture_cells(ROUND, 1.0), compiled=backend == "numba")
+    bright = brightness_of_lights(fragments)
+    seen = decide(fragments, aperture_cells(ROUND, 1.0), brightest=bright, compiled=backend == "numba")
     assert not fragments.coverage[1:].any()
     assert (seen.share[0] == 1.0).all()
     assert (seen.number[0] == -1).all()
@@ -766,7 +773,8 @@ def test_share_that_sees_past_an_edge(radius: float, lens: Lens, backend: Any) -
     radii = np.broadcast_to(row, (1, 48, columns)).copy()
     color = np.ones((1, 48, columns, 4), dtype=np.float32)
     fragments = fragments_of(color, depth_of(radii).astype(np.float32), radii, 1.0, mixed=False)
-    seen = decide(fragments, aperture_cells(lens, 1.0), compiled=backend == "numba")
+    bright = brightness_of_lights(fragments)
+    seen = decide(fragments, aperture_cells(lens, 1.0), brightest=bright, compiled=backend == "numba")
     points = aperture_points(lens, spread_evenly(20000, 2))[:, 0]
     off = []
     for column in range(edge, edge + 16):
@@ -788,19 +796,22 @@ ALL = 2**CELLS - 1
 
 
 def mask_work(lens: Lens, kind: str, position: SamplePosition, circle: float) -> tuple[Scatter, Masks]:
-    """Return one sample on its way to pixels, and masks that let all through."""
+    """Return one white sample on its way to black pixels, and masks that let all through."""
     film = Film(64 * PITCH, 48 * PITCH, 64, 48)
     if kind == "lommel":
         lens = replace(lens, f_stop=16.0)
     builder = PsfBuilder(lens, film, settings=PsfSettings(kind=kind), position=position)  # type: ignore[arg-type]
-    circles = np.array([circle * PITCH])
-    shape = (1, 48, 64)
-    weight = np.zeros(shape, dtype=np.float32)
-    weight[0, 23, 30] = 1.0
+    circles = np.array([circle * PITCH, 0.0])
+    shape = (2, 48, 64)
+    weight, table = np.zeros(shape, dtype=np.float32), np.ones(shape, dtype=np.int32)
+    weight[0, 23, 30], table[0] = 1.0, 0
+    weight[1] = 1.0
+    color = np.zeros((*shape, 4), dtype=np.float32)
+    color[0] = 1.0
     work = Scatter(
-        color=np.ones((*shape, 4), dtype=np.float32),
+        color=color,
         weight=weight,
-        assignment=TableAssignment(circles, np.zeros(shape, dtype=np.int32), None),
+        assignment=TableAssignment(circles, table, None),
         tables=builder.pack(list(builder.tables(circles))),
         origin=(0, 0),
         shape=(48, 64),
@@ -808,21 +819,22 @@ def mask_work(lens: Lens, kind: str, position: SamplePosition, circle: float) ->
     radius = 0.5 * abs(circle)
     # Of the exact ones, whose sums stay as they are.
     masks = Masks(
-        number=np.zeros(shape, dtype=np.int32),
+        number=-table,
         group=np.full(shape, WHOLE_LIGHT, dtype=np.uint8),
         cells=np.full((1, CELLS), ALL, dtype=np.uint16),
-        cuts=cuts_between_cells(np.array([radius / lens.anamorphic_ratio]), work.tables.mirror),
-        radius_y=np.array([radius]),
+        cuts=cuts_between_cells(np.array([radius / lens.anamorphic_ratio, 0.0]), work.tables.mirror),
+        radius_y=np.array([radius, 0.0]),
         sharp=np.zeros(work.shape, dtype=np.bool_),
     )
     return work, masks
 
 
 def reached_by(work: Scatter, backend: Any) -> Array:
-    """Return the weights of the pixels."""
-    reached = np.zeros(work.shape, dtype=np.float32)
-    list(scatter(work, np.zeros((*work.shape, 4), dtype=np.float32), reached, backend))
-    return reached.astype(np.float64)
+    """Return the weights of the pixels: white light over black samples, in focus, whose weights are 1."""
+    picture = np.zeros((*work.shape, 4), dtype=np.float32)
+    list(scatter(work, picture, backend=backend))
+    white = picture[..., 0].astype(np.float64)
+    return white / (1.0 - white)
 
 
 KINDS = {"disc": ROUND, "polygon": PENTAGON, "narrow": ANAMORPHIC, "lommel": ROUND}
