@@ -19,6 +19,7 @@ from . import jit
 from .lens import FloatArray
 from .psf import PsfBuilder, TableAssignment
 from .samples import Float32Array
+from .scatter import NO_MARKS, Marks
 
 LEVELS: Final = 4
 """How often four blocks become one: the largest have sides of 16 samples."""
@@ -47,7 +48,7 @@ def put_in_blocks(
     *,
     brightest: float = math.inf,
     least_alpha: float = 0.0,
-    marks: Float32Array | None = None,
+    marks: Marks | None = None,
     compiled: bool,
 ) -> tuple[TableAssignment, npt.NDArray[np.int64]]:
     """Put samples that are alike into blocks, in place.
@@ -70,7 +71,7 @@ def put_in_blocks(
         Light, on average over red, green and blue, past which samples stay single.
     least_alpha : float, optional
         Alpha below which they do.
-    marks : ndarray of float32 of shape (sheets, rows, columns, 2), optional
+    marks : tuple of two ndarrays of float32 of shape (sheets, rows, columns), optional
         Two more numbers of each sample, in which the samples of a block need not be alike.
     compiled : bool
         Whether to take the compiled kernel or numpy; both give the same.
@@ -89,14 +90,17 @@ def put_in_blocks(
     lowest, of_blocks = _circles_of_blocks(circle)
     circles = np.concatenate([circle, *[of_blocks] * LEVELS])
     begin = circle.size + np.arange(LEVELS) * of_blocks.size
-    mark = np.zeros((0, 0, 0, 2), dtype=np.float32) if marks is None else marks
     put = _put_together if compiled else _put_together_numpy
-    put(color, weight, table, mark, marks is not None, brightest, least_alpha, circles, begin, lowest)
-    is_used = np.bincount(table.reshape(-1), minlength=circles.size) > 0
+    mark = NO_MARKS if marks is None else marks
+    put(color, weight, table, *mark, marks is not None, brightest, least_alpha, circles, begin, lowest)
+    # Sheet by sheet: numpy copies what it counts into numbers of twice the size.
+    is_used = sum(np.bincount(sheet.reshape(-1), minlength=circles.size) for sheet in table) > 0
     compact = np.cumsum(is_used, dtype=np.int32) - np.int32(1)
     used = np.flatnonzero(is_used)
     side = 1 << np.searchsorted(begin, used, side="right")
-    return TableAssignment(circles[used] * pitch, compact[table], None), side
+    for sheet in table:
+        sheet[:] = compact[sheet]
+    return TableAssignment(circles[used] * pitch, table, None), side
 
 
 def _circles_of_blocks(circle: FloatArray) -> tuple[int, FloatArray]:
@@ -111,7 +115,7 @@ def _circles_of_blocks(circle: FloatArray) -> tuple[int, FloatArray]:
 
 @jit.kernel(parallel=True)
 def _put_together(
-    color: Any, weight: Any, table: Any, marks: Any,
+    color: Any, weight: Any, table: Any, mark_1: Any, mark_2: Any,
     marked: bool, brightest: float, least_alpha: float, circles: Any, begin: Any, lowest: int,
 ) -> None:  # fmt: skip
     """Make blocks of samples in place, the smallest first."""
@@ -156,10 +160,11 @@ def _put_together(
                         first = c[y, x, i] * w0 + c[y, x + h, i] * w1
                         c[y, x, i] = (first + (c[y + h, x, i] * w2 + c[y + h, x + h, i] * w3)) / sum_w
                     if marked:
-                        m = marks[sheet]
-                        for i in range(2):
-                            first = m[y, x, i] * w0 + m[y, x + h, i] * w1
-                            m[y, x, i] = (first + (m[y + h, x, i] * w2 + m[y + h, x + h, i] * w3)) / sum_w
+                        m, n = mark_1[sheet], mark_2[sheet]
+                        first = m[y, x] * w0 + m[y, x + h] * w1
+                        second = n[y, x] * w0 + n[y, x + h] * w1
+                        m[y, x] = (first + (m[y + h, x] * w2 + m[y + h, x + h] * w3)) / sum_w
+                        n[y, x] = (second + (n[y + h, x] * w2 + n[y + h, x + h] * w3)) / sum_w
                     w[y, x], w[y, x + h], w[y + h, x], w[y + h, x + h] = sum_w, 0.0, 0.0, 0.0
                     mean = ((c0 + c1) + (c2 + c3)) * 0.25
                     of_mean = math.copysign(np.rint(_TABLES_PER_E * math.log(abs(mean))), mean)
@@ -168,7 +173,8 @@ def _put_together(
 
 
 def _put_together_numpy(
-    color: Float32Array, weight: Float32Array, table: npt.NDArray[np.int32], marks: Float32Array,
+    color: Float32Array, weight: Float32Array, table: npt.NDArray[np.int32],
+    mark_1: Float32Array, mark_2: Float32Array,
     marked: bool, brightest: float, least_alpha: float,
     circles: FloatArray, begin: npt.NDArray[np.int64], lowest: int,
 ) -> None:  # fmt: skip
@@ -192,7 +198,8 @@ def _put_together_numpy(
         )
         put &= (contrast[..., 3] <= allowed) & (c[0][..., 3] >= least_alpha)
         put &= four[..., :3].sum(axis=-1, dtype=np.float64) <= 12.0 * brightest
-        for values in (color, marks) if marked else (color,):
+        marks = (mark_1[..., np.newaxis], mark_2[..., np.newaxis]) if marked else ()
+        for values in (color, *marks):
             light = [values[a][put] * v[put][:, np.newaxis] for a, v in zip(at, w, strict=True)]
             mean = ((light[0] + light[1]) + (light[2] + light[3])) / sum_w[put][:, np.newaxis]
             values[at[0]][put] = mean

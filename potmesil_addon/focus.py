@@ -22,6 +22,7 @@ from .scatter import (
     PARTLY,
     WHOLE,
     Backend,
+    Marks,
     Masks,
     Scatter,
     cuts_between_cells,
@@ -174,12 +175,7 @@ def focus_layer(
             f"Layer '{layer.name}' has no depth (Z) channel, which a lens needs; "
             "enable the Z pass or switch the lens off."
         )
-    data, display = samples.data_window, samples.display_window
-    seen = _seen_window(samples)
-    picture = np.zeros((display.rows, display.columns, 4), dtype=np.float32)
-    guessed = np.zeros((display.rows, display.columns), dtype=np.float32)
-    doubt = np.zeros_like(guessed)
-    target = np.zeros((seen.rows, seen.columns, 4), dtype=np.float32)
+    data, seen = samples.data_window, _seen_window(samples)
     builder = PsfBuilder(settings.lens, settings.film, settings.model, settings.psf, samples.position)
     sources = _sources(layer, samples, builder, settings, turn)
     yield 0.2
@@ -193,18 +189,20 @@ def focus_layer(
         masks=sources.masks,
         marks=sources.marks,
     )
+    picture = np.zeros((seen.rows, seen.columns, 4), dtype=np.float32)
     marks = None if sources.marks is None else np.zeros((seen.rows, seen.columns, 2), dtype=np.float32)
-    for done in scatter(work, target, marks, settings.backend):
+    for done in scatter(work, picture, marks, settings.backend):
         yield 0.2 + 0.8 * done
-    picture[seen.within(display)] = target
+    report = _report(layer.name, layer.depth, samples, settings, sources.tables)
+    # What takes most of the memory goes before the pictures are made.
+    del work, sources
+    guessed, doubt = np.zeros((2, seen.rows, seen.columns), dtype=np.float32)
     if marks is not None:
-        within = seen.within(display)
-        guessed[within] = np.clip(marks[..., 0], 0.0, 1.0)
-        doubt[within] = np.maximum(marks[..., 1], 0.0)
+        np.clip(marks[..., 0], 0.0, 1.0, out=guessed)
+        np.maximum(marks[..., 1], 0.0, out=doubt)
     yield 1.0
-    return Focused(
-        picture, guessed, doubt, _report(layer.name, layer.depth, samples, settings, sources.tables)
-    )
+    picture, guessed, doubt = (_on_display(values, samples) for values in (picture, guessed, doubt))
+    return Focused(picture, guessed, doubt, report)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +214,7 @@ class _Sources:
     assignment: TableAssignment
     tables: PackedTables
     masks: Masks | None = None
-    marks: Float32Array | None = None
+    marks: Marks | None = None
     left: int = 0
     above: int = 0
 
@@ -256,10 +254,13 @@ def _sources(
     if fragments.reach.any():
         beyond = _beyond_the_data(radius[0] * cells.stretch, samples)
         (above, _), (left, _) = beyond
-        fragments = carried_past_the_border(fragments, beyond)
+        # A list, which lets each array go when it is done with: a large frame's take half a gigabyte.
+        parts = list(fragments)
+        del fragments
+        fragments = carried_past_the_border(parts, beyond)
+    del radius
     weight = _weights(fragments.depth, settings.weighting) * fragments.coverage
     brightest = brightness_of_lights(fragments)
-    marks = np.stack([fragments.guessed, fragments.doubt], axis=-1)
     assignment, side = put_in_blocks(
         fragments.color,
         weight,
@@ -267,18 +268,23 @@ def _sources(
         builder,
         brightest=brightest,
         least_alpha=_CLEAR,
-        marks=marks,
+        marks=(fragments.guessed, fragments.doubt),
         compiled=compiled,
     )
+    # Nothing from here on asks for depths, nor for slopes once it is decided what is hidden.
+    nothing = np.zeros((0, 0, 0), dtype=np.float32)
+    fragments = fragments._replace(depth=nothing)
     of_block = np.where(weight > 0.0, side.astype(np.uint8)[assignment.table], np.uint8(0))
     visible = decide(fragments, cells, turn, brightest=brightest, side=of_block, compiled=compiled)
+    fragments = fragments._replace(slope=nothing)
     radius_x = 0.5 * np.abs(assignment.circles) / pitch * cells.stretch_x
     # Of a small circle the parts are not told apart: it is only as much weaker as it is hidden.
     small = (radius_x < _LEAST_MASKED)[assignment.table]
-    number = np.where(small, np.int32(-1), visible.number)
+    number = visible.number
+    number[small] = -1
     group = np.where(visible.share == 1.0, np.uint8(WHOLE), np.uint8(PARTLY))
     group[(group == PARTLY) & (fragments.radius > _IN_FOCUS)] = BEHIND
-    weight *= np.where(number < 0, visible.share, np.float32(1.0))
+    np.multiply(weight, visible.share, out=weight, where=number < 0)
     in_focus = (np.abs(fragments.radius[0]) <= _IN_FOCUS) & (fragments.coverage[0] == 1.0)
     spread = assignment.circles
     if settings.psf.kind == "disc" and samples.position == "center":
@@ -292,6 +298,7 @@ def _sources(
         radius_x * (cells.stretch_y / cells.stretch_x),
         _on_output(in_focus, samples, above, left),
     )
+    marks = fragments.guessed, fragments.doubt
     return _Sources(fragments.color, weight, assignment, tables, masks, marks, left, above)
 
 
@@ -326,6 +333,16 @@ def _seen_window(samples: Samples) -> Window:
     if samples.position == "corner":
         data = Window(data.x0, data.y0, data.x1 - 1, data.y1 - 1)
     return data.intersection(samples.display_window)
+
+
+def _on_display(values: Float32Array, samples: Samples) -> Float32Array:
+    """Return values of the pixels that the file has data for on the display window, 0 where it has none."""
+    seen, display = _seen_window(samples), samples.display_window
+    if seen == display:
+        return values
+    placed = np.zeros((display.rows, display.columns, *values.shape[2:]), dtype=np.float32)
+    placed[seen.within(display)] = values
+    return placed
 
 
 def _on_output(

@@ -207,14 +207,14 @@ def fragments_of(
 
 
 def carried_past_the_border(
-    fragments: Fragments, beyond: tuple[tuple[int, int], tuple[int, int]]
+    fragments: list[Float32Array], beyond: tuple[tuple[int, int], tuple[int, int]]
 ) -> Fragments:
     """Carry all surfaces on past the samples' border, as guesses.
 
     Parameters
     ----------
-    fragments : Fragments
-        The surfaces of each pixel.
+    fragments : list of ndarray
+        What `Fragments` consists of, in its order; the list is emptied.
     beyond : tuple of (int, int)
         Rows above and below, columns left and right.
 
@@ -223,14 +223,14 @@ def carried_past_the_border(
     Fragments
         The same with that many more rows and columns, the last ones again and again.
     """
-    if not any(any(sides) for sides in beyond):
-        return fragments
-    padded = []
-    for values in fragments:
-        first = values.ndim - 2 if values is fragments.reach or values.ndim == 3 else 1
-        widths = [(0, 0)] * first + list(beyond) + [(0, 0)] * (values.ndim - first - 2)
-        padded.append(np.pad(values, widths, mode="edge"))
-    inside = np.pad(np.ones(fragments.reach.shape, dtype=bool), beyond)
+    inside = np.pad(np.ones(fragments[-1].shape, dtype=bool), beyond)
+    padded: list[Float32Array] = []
+    while fragments:
+        values = fragments.pop(0)
+        # The last has no sheets.
+        widths = [(0, 0)] * (1 if fragments else 0) + list(beyond)
+        widths += [(0, 0)] * (values.ndim - len(widths))
+        padded.append(np.pad(values, widths, mode="edge") if any(map(any, beyond)) else values)
     result = Fragments(*padded)
     result.guessed[:, ~inside] = 1.0
     return result

@@ -41,6 +41,10 @@ _SHARED_PRIMARY: Final = (0, 0, 0, 0, 0)
 _OWN_PRIMARY: Final = (0, 1, 2, 1, 0, 1, 2)
 
 
+Marks = tuple[Float32Array, Float32Array]
+"""Two more numbers of each sample."""
+
+
 class Masks(NamedTuple):
     """Which parts of the aperture see samples, in square cells over each sample's circle.
 
@@ -86,6 +90,9 @@ CELLS: Final = 16
 _BITS: Final = np.array([int(f"{0x077CB531 << n & 0xFFFFFFFF:032b}"[:5], 2) for n in range(32)]).argsort()
 """Place of a number's only bit, by the five highest bits of its product with de Bruijn's sequence."""
 
+NO_MARKS: Final = (np.zeros((0, 0, 0), dtype=np.float32), np.zeros((0, 0, 0), dtype=np.float32))
+"""What kernels get in place of marks."""
+
 _NO_MASKS: Final = Masks(
     np.zeros((0, 0, 0), dtype=np.int32),
     np.zeros((0, 0, 0), dtype=np.uint8),
@@ -116,7 +123,7 @@ class Scatter:
         Rows and columns of the output.
     masks : Masks, optional
         Which parts of the aperture see each sample; by default all do.
-    marks : ndarray of float32 of shape (sheets, rows, columns, 2), optional
+    marks : tuple of two ndarrays of float32 of shape (sheets, rows, columns), optional
         Two more numbers of each sample, to be spread as its colour is.
     """
 
@@ -127,7 +134,7 @@ class Scatter:
     origin: tuple[int, int]
     shape: tuple[int, int]
     masks: Masks | None = None
-    marks: Float32Array | None = None
+    marks: Marks | None = None
 
 
 def cuts_between_cells(
@@ -224,7 +231,7 @@ def scatter(
         work.origin[1],
         masks,
         work.masks is not None,
-        np.zeros((0, 0, 0, 2), dtype=np.float32) if work.marks is None else work.marks,
+        *(NO_MARKS if work.marks is None else work.marks),
         output,
         np.zeros((0, 0, 2), dtype=np.float32) if marks is None else marks,
     )
@@ -428,7 +435,8 @@ def _scatter_bands(
     first_reached: Any, last_reached: Any,
     first_row: Any, rows: Any, row_begin: Any, row_end: Any, offset: Any, delta: Any, sums: int,
     symmetric: bool, mirror: Any, primaries: tuple[int, ...], marks: tuple[int, ...],
-    origin_x: int, origin_y: int, masks: Any, masked: bool, mark: Any, output: Any, marks_out: Any,
+    origin_x: int, origin_y: int, masks: Any, masked: bool, mark_1: Any, mark_2: Any,
+    output: Any, marks_out: Any,
 ) -> None:  # fmt: skip
     """Scatter all samples that reach some bands of the output into them, and divide by the weights.
 
@@ -467,7 +475,7 @@ def _scatter_bands(
                         q: Any = np.float32(0.0)
                         d: Any = np.float32(0.0)
                         if len(marks) == 2:
-                            q, d = mark[sheet, row, column, 0] * w, mark[sheet, row, column, 1] * w
+                            q, d = mark_1[sheet, row, column] * w, mark_2[sheet, row, column] * w
                         _add_table(
                             total, plane, bottom - top, columns, t, x, y, r, g, b, a, w, q, d, first_row,
                             rows, row_begin, row_end, offset, delta, sums, symmetric, mirror, primaries,
@@ -530,7 +538,6 @@ def _scatter_numpy(work: Scatter, output: Float32Array, marks: Float32Array | No
     place = (row + work.origin[1] + above) * stride + column + work.origin[0] + left
     for sheet in range(sheets):
         color, weight = work.color[sheet].reshape(-1, 4), work.weight[sheet].reshape(-1)
-        mark = None if work.marks is None else work.marks[sheet].reshape(-1, 2)
         fraction = None if assignment.fraction is None else assignment.fraction[sheet].reshape(-1)
         used = np.flatnonzero(weight > 0.0)
         table = assignment.table[sheet].reshape(-1)[used]
@@ -544,9 +551,8 @@ def _scatter_numpy(work: Scatter, output: Float32Array, marks: Float32Array | No
                     continue
                 # In single precision as in the kernel, so that times a table's entry the product is exact.
                 w = (weight[samples] * share).astype(np.float32)[:, np.newaxis]
-                values = [color[samples] * w, np.repeat(w, tables.primaries, axis=1)]
-                if mark is not None:
-                    values.append(mark[samples] * w)
+                marked = [mark[sheet].reshape(-1, 1)[samples] * w for mark in work.marks or ()]
+                values = [color[samples] * w, np.repeat(w, tables.primaries, axis=1), *marked]
                 value = np.concatenate(values, axis=1).astype(np.float64)
                 if work.masks is None:
                     _add_samples(tables, n, place[samples], value, stride, primary, totals[0])

@@ -268,15 +268,11 @@ def decide(
         Masks; those of a block at its upper left, as its middle is seen.
     """
     coverage = fragments.coverage
-    share = np.ones(coverage.shape, dtype=np.float32)
-    # What lies behind, away from all edges, is not seen.
-    share[1:] = 0.0
-    number = np.full(coverage.shape, -1, dtype=np.int32)
     limit = np.empty_like(fragments.radius)
     _find_limits(fragments.radius, fragments.slope, limit)
     hidden, before = _to_decide(fragments, limit, cells.stretch)
     if hidden.size == 0 or before.radius.size == 0:
-        return Seen(share, number, np.zeros((0, CELLS), dtype=np.uint16))
+        return Seen(*_seen_whole(coverage.shape), np.zeros((0, CELLS), dtype=np.uint16))
     if side is not None:
         hidden = _of_blocks(hidden, side)
     behind = _taken(fragments, hidden, limit, side)
@@ -296,11 +292,21 @@ def decide(
             mask[bright] = _masks(squares, behind.radius[which], pinholes.span)
             still = (seen[partly] > 0.0) & (seen[partly] < 1.0)
             partly, mask = partly[still], mask[still]
+    del limit, before, squares
+    share, number = _seen_whole(coverage.shape)
     # Of a block whose middle is seen whole some corner may not be.
     seen[(seen == 1.0) & (behind.side > 1.0)] = _ALMOST
     share.reshape(-1)[hidden] = seen
     number.reshape(-1)[hidden[partly]] = np.arange(partly.size, dtype=np.int32)
     return Seen(share, number, mask)
+
+
+def _seen_whole(shape: tuple[int, ...]) -> tuple[Float32Array, npt.NDArray[np.int32]]:
+    """Return shares and numbers of masks where nothing is hidden in parts."""
+    share = np.ones(shape, dtype=np.float32)
+    # What lies behind, away from all edges, is not seen.
+    share[1:] = 0.0
+    return share, np.full(shape, -1, dtype=np.int32)
 
 
 def _shows_its_shape(
@@ -455,10 +461,12 @@ def _hiding(
         place = hidden[first:last] % farthest.size
         flat = farthest.reshape(-1)
         flat[place] = np.maximum(flat[place], limit.reshape(-1)[hidden[first:last]])
-    most = _beside(_cones(farthest * np.float32(stretch))) + np.float32(_WIDTHS)
+    most = _beside(_cones(farthest * np.float32(stretch)))
+    most += np.float32(_WIDTHS)
+    most /= np.float32(stretch)
     before = fragments.coverage > 0.0
     for sheet, radius in enumerate(fragments.radius):
-        before[sheet] &= (radius * np.float32(stretch) <= most) | (radius < farthest)
+        before[sheet] &= (radius <= most) | (radius < farthest)
     side = before.view(np.uint8)
     _put_in_squares(fragments.radius, fragments.coverage, side)
     return _taken(fragments, np.flatnonzero(side), limit, side)
@@ -489,11 +497,13 @@ def _put_in_squares(radius: Any, coverage: Any, side: Any) -> None:
 
 
 def _cones(peaks: Float32Array) -> Float32Array:
-    """Return how high the highest cone is over each pixel; they fall by 1 for each pixel from their peaks."""
-    heights = peaks.copy()
-    _fall(heights)
-    _fall(heights[::-1, ::-1])
-    return heights
+    """Return how high the highest cone is over each pixel, in place of their peaks.
+
+    They fall by 1 for each pixel.
+    """
+    _fall(peaks)
+    _fall(peaks[::-1, ::-1])
+    return peaks
 
 
 @jit.kernel()
