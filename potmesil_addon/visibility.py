@@ -313,7 +313,7 @@ def _shows_its_shape(
     fragments: Fragments, which: npt.NDArray[np.int64], brightest: float
 ) -> npt.NDArray[np.bool_]:
     """Return which fragments are so bright and so blurred that one sees the shape of their circle."""
-    light = fragments.color[..., :3].reshape(-1, 3)[which].mean(axis=1)
+    light = fragments.color.reshape(-1, 4)[which, :3].mean(axis=1)
     large = np.abs(fragments.radius.reshape(-1)[which]) > _LARGE
     return np.asarray((light > brightest) & large)
 
