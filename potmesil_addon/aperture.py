@@ -299,13 +299,11 @@ def widened(table: RowDifferences, side: int) -> RowDifferences:
 def _of_twice_the_side(table: RowDifferences) -> RowDifferences:
     """Return the mean of a table and of those of the blocks to the right of it, below, and both."""
     step = table.block
-    entries = table.row_end - table.row_begin
-    row = np.repeat(np.arange(entries.size), entries)
     # Rows that mirror each other share their entries.
-    entry = np.arange(row.size) - np.repeat(np.cumsum(entries) - entries - table.row_begin, entries)
+    row, entry = ragged(table.row_begin, table.row_end - table.row_begin)
     offset, delta = table.offset[entry], table.delta[entry]
     left = int(offset.min())
-    shape = entries.size + step, int(offset.max()) - left + 1 + step
+    shape = table.row_begin.size + step, int(offset.max()) - left + 1 + step
     place = row * shape[1] + offset - left
     places = np.concatenate([place, place + step, place + step * shape[1], place + step * (shape[1] + 1)])
     dense = np.stack(

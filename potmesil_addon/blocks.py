@@ -21,7 +21,7 @@ from .psf import PsfBuilder, TableAssignment
 from .samples import Float32Array
 from .scatter import NO_MARKS, Marks
 
-LEVELS: Final = 4
+_LEVELS: Final = 4
 """How often four blocks become one: the largest have sides of 16 samples."""
 
 _LEAST_CIRCLE: Final = 8.0
@@ -88,8 +88,8 @@ def put_in_blocks(
     pitch = builder.film.pitch_x
     circle, table = assignment.circles / pitch, assignment.table.copy()
     lowest, of_blocks = _circles_of_blocks(circle)
-    circles = np.concatenate([circle, *[of_blocks] * LEVELS])
-    begin = circle.size + np.arange(LEVELS) * of_blocks.size
+    circles = np.concatenate([circle, *[of_blocks] * _LEVELS])
+    begin = circle.size + np.arange(_LEVELS) * of_blocks.size
     put = _put_together if compiled else _put_together_numpy
     mark = NO_MARKS if marks is None else marks
     put(color, weight, table, *mark, marks is not None, brightest, least_alpha, circles, begin, lowest)
@@ -120,14 +120,14 @@ def _put_together(
 ) -> None:  # fmt: skip
     """Make blocks of samples in place, the smallest first."""
     sheets, rows, columns = weight.shape
-    largest = 1 << LEVELS
+    largest = 1 << _LEVELS
     strips = (rows + largest - 1) // largest
     for strip in jit.prange(sheets * strips):
         s: Any = np.int64(strip)
         sheet, top = s // strips, s % strips * largest
         bottom = min(top + largest, rows)
         c, w, t = color[sheet], weight[sheet], table[sheet]
-        for level in range(1, LEVELS + 1):
+        for level in range(1, _LEVELS + 1):
             h = 1 << (level - 1)
             side = 2 * h
             below = 0 if level == 1 else begin[level - 2]
@@ -179,7 +179,7 @@ def _put_together_numpy(
     circles: FloatArray, begin: npt.NDArray[np.int64], lowest: int,
 ) -> None:  # fmt: skip
     """Do the same for all blocks of a level at once."""
-    for level in range(1, LEVELS + 1):
+    for level in range(1, _LEVELS + 1):
         h = 1 << (level - 1)
         side = 2 * h
         rows, columns = (size - size % side for size in weight.shape[1:])
