@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import functools
 import math
+from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,7 @@ from .aperture import (
     ellipse_rows,
     polygon_rows,
     polygon_vertices,
+    ragged,
     widened,
 )
 from .camera import Film
@@ -73,7 +75,18 @@ _SHARP: Final = 0.02
 _LEAST_POLYGON: Final = 1e-3
 """Diameter in pixels below which a polygon is drawn no smaller, so that it keeps an area."""
 
+_KEPT_BYTES: Final = 128 << 20
+"""Most memory of the diffraction tables that are kept for the next frame."""
+
 _ANNULI_PER_PIXEL: Final = 16
+"""Annuli of large patterns; of a radius below 8 pixels there are twice as many, below 2 four times.
+
+Some 2e-4 of a table's light is then in another pixel than it should be.
+"""
+
+_STACKED: Final = 64
+"""Discs whose row differences are kept together: those of the annuli between two radii."""
+
 _NODES_PER_RADIAN: Final = 1.2
 """Gauss-Legendre nodes for each unit of v; the intensity has no period shorter than pi."""
 
@@ -306,27 +319,24 @@ class PsfBuilder:
             The table for each circle, normalised to 1.
         """
         sides = [1] * circles.size if side is None else side.tolist()
-        if self.settings.kind == "disc" and self.lens.is_round:
+        if self.settings.kind == "lommel":
+            yield from self._lommel_tables(circles, sides)
+        elif self.lens.is_round:
             for circle, of_block in zip(np.abs(circles), sides, strict=True):
                 yield _disc_rows(*self._radii(0.5 * float(circle)), self.position, of_block)
-            return
-        for table, of_block in zip(self._tables_of_samples(circles), sides, strict=True):
-            yield widened(table, of_block)
-
-    def _tables_of_samples(self, circles: FloatArray) -> Iterator[RowDifferences]:
-        """Make the tables of single samples that no other picture is likely to have."""
-        if self.settings.kind == "lommel":
-            yield from self._lommel_tables(circles)
         else:
-            lens = self.lens
-            corners = polygon_vertices(lens.blades, lens.blade_rotation, lens.anamorphic_ratio)
-            # Beyond the plane in focus the aperture's image stands upright, before it on its head.
-            # Pixel rows count downwards.
-            corners = corners * [0.5 / self.film.pitch_x, -0.5 / self.film.pitch_y]
-            least = _LEAST_POLYGON * self.film.pitch_x
-            for circle in circles:
-                size = math.copysign(max(abs(circle), least), circle)
-                yield polygon_rows(corners * size, self.position)
+            for circle, of_block in zip(circles, sides, strict=True):
+                yield widened(self._polygon_table(float(circle)), of_block)
+
+    def _polygon_table(self, circle: float) -> RowDifferences:
+        """Return the table of a single sample, which no other picture is likely to have."""
+        lens = self.lens
+        corners = polygon_vertices(lens.blades, lens.blade_rotation, lens.anamorphic_ratio)
+        # Beyond the plane in focus the aperture's image stands upright, before it on its head.
+        # Pixel rows count downwards.
+        corners = corners * [0.5 / self.film.pitch_x, -0.5 / self.film.pitch_y]
+        size = math.copysign(max(abs(circle), _LEAST_POLYGON * self.film.pitch_x), circle)
+        return polygon_rows(corners * size, self.position)
 
     def pack(self, tables: list[RowDifferences]) -> PackedTables:
         """Put tables into flat arrays.
@@ -376,64 +386,130 @@ class PsfBuilder:
         shift = plane * circles / (self.lens.aperture_diameter + circles)
         return np.asarray(wave_number * (0.5 / self.lens.f_stop) ** 2 * np.abs(shift))
 
-    def _lommel_tables(self, circles: FloatArray) -> Iterator[RowDifferences]:
-        """Make diffraction tables: sums of discs, one for each annulus of the radial profile.
-
-        The pattern is taken as constant over annuli of 1/16 pixel, with exactly the light that the
-        profile has in each. A stack of discs with exact pixel coverage then gives the pixel integrals.
-        """
-        per_v = [w * self.lens.f_stop / math.pi for w in self.settings.wavelengths]
+    def _lommel_tables(self, circles: FloatArray, sides: list[int]) -> Iterator[RowDifferences]:
+        """Make diffraction tables, or take those of an earlier frame."""
+        per_v = tuple(w * self.lens.f_stop / math.pi for w in self.settings.wavelengths)
+        pixels_x, pixels_y = self._radii(1.0)
         step = min(self.film.pitch_x, self.film.pitch_y) / _ANNULI_PER_PIXEL
+        optics = _Optics(per_v, pixels_x, pixels_y, step, self.position)
         margin = _DIFFRACTION_MARGIN * max(per_v) if self.model == "cycles" else 0.0
-        reaches = [max(0.5 * abs(float(c)) + margin, step) for c in circles]
-        largest_u = self._optical_defocus(circles, min(self.settings.wavelengths))
-        patterned = [reach for reach, u in zip(reaches, largest_u, strict=True) if u <= _LARGEST_U]
-        discs = self._disc_stack(math.ceil(max(patterned, default=step) / step), step)
-        rows, columns = discs.shape_quadrant
-        for circle, reach, u_of_blue in zip(circles, reaches, largest_u, strict=True):
-            if u_of_blue > _LARGEST_U:
-                disc = ellipse_rows(*self._radii(0.5 * abs(float(circle))), self.position)
+        defocus = np.stack([self._optical_defocus(circles, w) for w in self.settings.wavelengths], axis=1)
+        for circle, u, side in zip(circles.tolist(), defocus.tolist(), sides, strict=True):
+            radius = 0.5 * abs(circle)
+            if max(u) > _LARGEST_U:
+                disc = _disc_rows(radius * pixels_x, radius * pixels_y, self.position, side)
                 yield replace(disc, delta=np.repeat(disc.delta, 3, axis=1))
                 continue
-            annuli = max(1, math.ceil(reach / step))
-            weights = np.empty((annuli, 3))
-            for primary, wavelength in enumerate(self.settings.wavelengths):
-                u = float(self._optical_defocus(np.asarray(circle), wavelength))
-                mean = _annulus_means(u, step / per_v[primary], annuli)
-                # The last annulus is lit as far as the pattern reaches.
-                inner = (annuli - 1) * step
-                mean[-1] *= (reach**2 - inner**2) / ((annuli * step) ** 2 - inner**2)
-                # Disc k, of radius (k + 1) step, lies under all annuli up to k.
-                weights[:, primary] = mean - np.append(mean[1:], 0.0)
-            quadrant = np.asarray(discs.stack[:, :annuli] @ weights).reshape(rows, columns, 3)
-            yield _rows_of_quadrant(quadrant, self.position)
+            reach = max(radius + margin, step)
+            pixels = max(radius, math.pi * max(per_v)) / (_ANNULI_PER_PIXEL * step)
+            finer = 4 if pixels < 2.0 else 2 if pixels < 8.0 else 1
+            yield _KEPT_TABLES.get(optics._replace(step=step / finer), tuple(u), reach, side)
 
-    def _disc_stack(self, count: int, step: float) -> _DiscStack:
-        """Return the row differences of discs with radii step, 2 step ... in metres, in one quadrant."""
-        data, row, column = [], [], []
-        widest = ellipse_rows(*self._radii(count * step), self.position)
-        rows = widest.first_row + widest.row_begin.size
-        columns = int(widest.offset.max()) + 1
-        for k in range(count):
-            rx, ry = self._radii((k + 1) * step)
-            disc = ellipse_rows(rx, ry, self.position)
-            area = math.pi * rx * ry
-            for j in range(disc.first_row + disc.row_begin.size):
-                entries = slice(disc.row_begin[j - disc.first_row], disc.row_end[j - disc.first_row])
-                data.append(disc.delta[entries, 0] * area)
-                row.append(j * columns + disc.offset[entries])
-                column.append(np.full(data[-1].size, k))
-        stack = sparse.csc_matrix(
-            (np.concatenate(data), (np.concatenate(row), np.concatenate(column))),
-            shape=(rows * columns, count),
-        )
-        return _DiscStack(stack, (rows, columns))
+
+class _Optics(NamedTuple):
+    """What all diffraction tables of a picture share.
+
+    Parameters
+    ----------
+    per_v : tuple of float
+        Metres for each unit of v, for red, green and blue.
+    pixels_x, pixels_y : float
+        Pixels for each metre.
+    step : float
+        Width of an annulus in metres.
+    position : {"center", "corner"}
+        Where samples lie on the pixel grid.
+    """
+
+    per_v: tuple[float, ...]
+    pixels_x: float
+    pixels_y: float
+    step: float
+    position: SamplePosition
+
+    def table(self, u: tuple[float, ...], reach: float) -> RowDifferences:
+        """Return a single sample's table: a sum of discs, one for each annulus of the radial profile.
+
+        The pattern is taken as constant over annuli, with exactly the light that the profile has in each.
+        A stack of discs with exact pixel coverage then gives the pixel integrals.
+        """
+        step = self.step
+        annuli = max(1, math.ceil(reach / step))
+        mean = _annulus_means(u, tuple(step / per_v for per_v in self.per_v), annuli)
+        # The last annulus is lit as far as the pattern reaches.
+        inner = (annuli - 1) * step
+        mean[-1] *= (reach**2 - inner**2) / ((annuli * step) ** 2 - inner**2)
+        # Disc k, of radius (k + 1) step, lies under all annuli up to k.
+        weights = mean - np.append(mean[1:], np.zeros((1, mean.shape[1])), axis=0)
+        parts = [_disc_stack(self, first) for first in range(0, annuli, _STACKED)]
+        quadrant = np.zeros((*parts[-1].shape_quadrant, weights.shape[1]))
+        for k, part in enumerate(parts):
+            rows, columns = part.shape_quadrant
+            lit = weights[k * _STACKED : (k + 1) * _STACKED]
+            added = part.stack @ lit if len(lit) == _STACKED else part.stack[:, : len(lit)] @ lit
+            quadrant[:rows, :columns] += added.reshape(rows, columns, -1)
+        return _rows_of_quadrant(quadrant, self.position)
+
+
+class _KeptTables:
+    """Diffraction tables of the last frames, as many as fit; the next frame has circles of the same steps."""
+
+    def __init__(self) -> None:
+        self._tables: OrderedDict[tuple[Any, ...], RowDifferences] = OrderedDict()
+        self._bytes = 0
+
+    def get(self, optics: _Optics, u: tuple[float, ...], reach: float, side: int) -> RowDifferences:
+        """Return a table, made where it is not kept, of a block of samples."""
+        key = optics, u, reach, side
+        kept = self._tables.get(key)
+        if kept is not None:
+            self._tables.move_to_end(key)
+            return kept
+        if side == 1:
+            table = optics.table(u, reach)
+        else:
+            table = widened(self.get(optics, u, reach, 1), side)
+        self._tables[key] = table
+        self._bytes += _bytes_of(table)
+        while self._bytes > _KEPT_BYTES:
+            self._bytes -= _bytes_of(self._tables.popitem(last=False)[1])
+        return table
+
+
+_KEPT_TABLES: Final = _KeptTables()
+
+
+def _bytes_of(table: RowDifferences) -> int:
+    return table.row_begin.nbytes + table.row_end.nbytes + table.offset.nbytes + table.delta.nbytes
 
 
 @dataclass(frozen=True, slots=True)
 class _DiscStack:
     stack: sparse.csc_matrix
     shape_quadrant: tuple[int, int]
+
+
+@functools.lru_cache(maxsize=64)
+def _disc_stack(optics: _Optics, first: int) -> _DiscStack:
+    """Return the row differences of some discs in one quadrant, from that of radius (first + 1) steps on."""
+    data, row, column = [], [], []
+    step_x, step_y = optics.step * optics.pixels_x, optics.step * optics.pixels_y
+    last = first + _STACKED
+    widest = ellipse_rows(last * step_x, last * step_y, optics.position)
+    rows = widest.first_row + widest.row_begin.size
+    columns = int(widest.offset.max()) + 1
+    for k in range(first + 1, last + 1):
+        disc = ellipse_rows(k * step_x, k * step_y, optics.position)
+        lower = slice(-disc.first_row, None)
+        of_row, entry = ragged(disc.row_begin[lower], (disc.row_end - disc.row_begin)[lower])
+        data.append(disc.delta[entry, 0] * (math.pi * k * step_x * k * step_y))
+        row.append(of_row * columns + disc.offset[entry])
+        column.append(np.full(entry.size, k - 1 - first))
+    stack = sparse.csc_matrix(
+        (np.concatenate(data), (np.concatenate(row), np.concatenate(column))),
+        shape=(rows * columns, _STACKED),
+    )
+    return _DiscStack(stack, (rows, columns))
 
 
 @jit.kernel(parallel=True)
@@ -590,13 +666,41 @@ def _sums_of_rows(row_begin: IntArray, row_end: IntArray, delta: FloatArray) -> 
     return sums
 
 
-def _annulus_means(u: float, width: float, count: int) -> FloatArray:
-    """Return the mean intensity in annuli of equal `width` in v, by Gauss-Legendre in each."""
-    nodes, weights = np.polynomial.legendre.leggauss(max(3, math.ceil(width * _NODES_PER_RADIAN)))
-    edges = np.arange(count) * width
-    v = edges[:, np.newaxis] + 0.5 * width * (nodes + 1.0)
-    energy = (lommel_intensity(u, v) * v) @ (0.5 * width * weights)
-    return np.asarray(2.0 * energy / ((edges + width) ** 2 - edges**2))
+def _annulus_means(u: tuple[float, ...], widths: tuple[float, ...], count: int) -> FloatArray:
+    """Return the mean intensity in annuli of equal width in v, by Gauss-Legendre in each.
+
+    Parameters
+    ----------
+    u, widths : tuple of float
+        Defocus and the annuli's width in v, for each primary.
+    count : int
+        Number of annuli.
+
+    Returns
+    -------
+    ndarray of float64 of shape (count, primaries)
+        Means relative to I(0, 0).
+    """
+    edges = np.arange(count)[:, np.newaxis]
+    rules = [_gauss(max(3, math.ceil(width * _NODES_PER_RADIAN))) for width in widths]
+    v = [
+        width * (edges + 0.5 * (nodes + 1.0)).reshape(-1)
+        for width, (nodes, _) in zip(widths, rules, strict=True)
+    ]
+    sizes = [part.size for part in v]
+    intensity = lommel_intensity(np.repeat(u, sizes), np.concatenate(v))
+    parts = np.split(intensity * np.concatenate(v), np.cumsum(sizes)[:-1])
+    means = [
+        part.reshape(count, -1) @ weights / (width * (2.0 * edges[:, 0] + 1.0))
+        for part, width, (_, weights) in zip(parts, widths, rules, strict=True)
+    ]
+    return np.stack(means, axis=1)
+
+
+@functools.cache
+def _gauss(nodes: int) -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights of a Gauss-Legendre rule."""
+    return np.polynomial.legendre.leggauss(nodes)
 
 
 def _rows_of_quadrant(quadrant: FloatArray, position: SamplePosition) -> RowDifferences:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy import integrate, special
 
 from potmesil_addon.diffraction import (
+    _hankel,
     _lommel_compiled,
     _lommel_numpy,
     airy,
@@ -176,6 +177,31 @@ def test_both_implementations_agree(u: float) -> None:
     v = distances(u, count=121)
     compiled, plain = _lommel_compiled(np.full(v.shape, u), v), _lommel_numpy(np.full(v.shape, u), v)
     assert float(np.abs(compiled - plain).max()) <= 1e-12 * float(compiled.max())
+
+
+def test_hankels_expansion_is_exact_from_where_it_is_used() -> None:
+    v = np.concatenate([np.linspace(32.0, 200.0, 4001), np.linspace(200.0, 6000.0, 4001)])
+    expansion = np.array([_hankel(x) for x in v.tolist()])
+    # scipy's j0 and j1 are off by 5e-15 in some of its releases.
+    expected = np.stack([special.jv(0, v), special.jv(1, v)], axis=1)
+    np.testing.assert_allclose(expansion, expected, rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("u", [31.9, 32.1, 60.0, 300.0, 3000.0])
+def test_both_recurrences_meet(u: float) -> None:
+    """Where points change from the recurrence that goes up to the one that comes down nothing shows."""
+    v = np.concatenate([np.linspace(31.0, 33.0, 101), np.linspace(0.6 * u, 1.5 * u, 801)])
+    assert worst(u, v, lommel_intensity(u, v)) < 1e-9
+
+
+def test_a_points_neighbours_do_not_matter() -> None:
+    rng = np.random.default_rng(8)
+    u, v = rng.uniform(0.0, 900.0, 100), rng.uniform(0.0, 900.0, 100)
+    v[10:20] = u[10:20]
+    together = _lommel_compiled(u, v)
+    order = rng.permutation(u.size)
+    assert np.array_equal(_lommel_compiled(u[order], v[order]), together[order])
+    assert np.array_equal([float(lommel_intensity(a, b)) for a, b in zip(u, v, strict=True)], together)
 
 
 def test_both_implementations_agree_on_mixed_points() -> None:

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from scipy import interpolate
 
-from potmesil_addon.aperture import SAMPLE_POSITIONS, SamplePosition
+from potmesil_addon import psf
+from potmesil_addon.aperture import SAMPLE_POSITIONS, SamplePosition, ellipse_rows
 from potmesil_addon.camera import Film
 from potmesil_addon.errors import SettingsError
 from potmesil_addon.lens import Lens, circle_of_confusion
@@ -188,6 +189,62 @@ def test_lommel_pixels_equal_the_integrated_profile(
         expected = lommel_reference(made, circle, wavelength, u, abs(circle) / 2.0 + margin)
         reach = expected.shape[0] // 2
         np.testing.assert_allclose(on_canvas(table, reach)[primary], expected, rtol=0.0, atol=2e-3)
+
+
+@pytest.mark.parametrize("f_stop", [2.0, 8.0])
+@pytest.mark.parametrize("circle_px", [0.0, 2.7, 24.0])
+def test_lommel_annuli_are_fine_enough(circle_px: float, f_stop: float) -> None:
+    """Next to annuli of 1/128 pixel a table has little of its light in other pixels."""
+    made = builder({"lens": lens(f_stop=f_stop), "settings": PsfSettings(kind="lommel")})
+    circle = circle_px * PITCH
+    (table,) = made.tables(np.array([circle]))
+    per_v = PRIMARY_WAVELENGTHS[1] * f_stop / math.pi
+    reach = abs(circle) / 2.0 + 10.0 * max(PRIMARY_WAVELENGTHS) * f_stop
+    count = math.ceil(reach / PITCH * 128)
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    edges = np.linspace(0.0, reach, count + 1)
+    radius = (edges[:-1, np.newaxis] + 0.5 * reach / count * (nodes + 1.0)).reshape(-1)
+    u = 2.0 * math.pi / PRIMARY_WAVELENGTHS[1] / (2.0 * f_stop) * abs(circle) / 2.0
+    energy = (diffraction_integral(u, radius / per_v) * radius).reshape(count, -1) @ weights
+    mean = energy * (reach / count) / (edges[1:] ** 2 - edges[:-1] ** 2)
+    pixels = math.ceil(reach / PITCH + 0.5)
+    expected = np.zeros((2 * pixels + 1, 2 * pixels + 1))
+    for k, step in enumerate(mean - np.append(mean[1:], 0.0)):
+        disc = ellipse_rows(float(edges[k + 1]) / PITCH, float(edges[k + 1]) / PITCH)
+        expected += step * edges[k + 1] ** 2 * on_canvas(disc, pixels)[0]
+    expected /= expected.sum()
+    assert float(np.abs(on_canvas(table, pixels)[1] - expected).sum()) < 3e-4
+
+
+def test_lommel_tables_are_kept_for_the_next_frame() -> None:
+    made = builder({"lens": lens(), "settings": PsfSettings(kind="lommel")})
+    circles = np.array([-12.0, 5.0, 5.0, 12.0]) * PITCH
+    sides = np.array([2, 1, 1, 1])
+    first, second = list(made.tables(circles, sides)), list(made.tables(circles, sides))
+    assert all(a is b for a, b in zip(first, second, strict=True))
+    assert first[1] is first[2]
+    assert first[0].block == 2
+    # Before and beyond the focus the pattern is the same; another lens has others.
+    assert first[3] is next(made.tables(-circles[3:]))
+    other = builder({"lens": lens(f_stop=7.9), "settings": PsfSettings(kind="lommel")})
+    assert first[3] is not next(other.tables(circles[3:]))
+
+
+def test_kept_lommel_tables_do_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = builder({"lens": lens(), "settings": PsfSettings(kind="lommel")})
+    circles = np.arange(1.0, 30.0) * PITCH
+    plenty = list(made.tables(circles))
+    kept = psf._KeptTables()
+    monkeypatch.setattr(psf, "_KEPT_TABLES", kept)
+    monkeypatch.setattr(psf, "_KEPT_BYTES", 100_000)
+    few = list(made.tables(circles))
+    assert 0 < kept._bytes <= 100_000
+    assert kept._bytes == sum(psf._bytes_of(table) for table in kept._tables.values())
+    for a, b in zip(plenty, few, strict=True):
+        assert np.array_equal(a.delta, b.delta)
+    # The last ones are those that are kept.
+    assert next(made.tables(circles[-1:])) is few[-1]
+    assert next(made.tables(circles[:1])) is not few[0]
 
 
 @pytest.mark.parametrize("depth", [0.8, 1.7, 2.4, 50.0])
