@@ -6,10 +6,22 @@ numpy path. Nothing here imports numba before a kernel module asks for it.
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import itertools
 import os
-from collections.abc import Callable
+import sys
+import time
+import types
+import uuid
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
+from typing import IO, TYPE_CHECKING, Any, Final, TypeVar
+
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -26,6 +38,15 @@ HAVE_NUMBA: Final = numba is not None
 if HAVE_NUMBA:
     # Off by default for the sake of old LLVMs. The scatter adds a pixel's channels with it at once.
     numba.config.SLP_VECTORIZE = 1
+
+_KERNELS: Final[list[Any]] = []
+"""All kernels of the modules that were imported, as numba has them."""
+
+_LOCK: Final = "kernels.lock"
+_LOCK_PATIENCE: Final = 2.0
+"""Seconds that another process is waited for while it saves a kernel, which takes it milliseconds."""
+
+_LOCK_NAP: Final = 0.005
 
 if TYPE_CHECKING:
     prange = range
@@ -50,17 +71,104 @@ def kernel(*, parallel: bool = False, inline: bool = False) -> Callable[[Functio
     """
     if not HAVE_NUMBA:
         return lambda function: function
-    return cast(
-        "Callable[[Function], Function]",
-        # fastmath stays off: sums keep their order, so the picture does not depend on the machine.
-        numba.njit(
-            cache=True,
-            parallel=parallel,
-            nogil=True,
-            error_model="numpy",
-            inline="always" if inline else "never",
-        ),
+    # fastmath stays off: sums keep their order, so the picture does not depend on the machine.
+    compiled = numba.njit(
+        cache=True,
+        parallel=parallel,
+        nogil=True,
+        error_model="numpy",
+        inline="always" if inline else "never",
     )
+
+    def decorate(function: Function) -> Function:
+        dispatcher: Any = compiled(function)
+        # A numba whose insides are others saves as it does.
+        with contextlib.suppress(AttributeError):
+            file = dispatcher._cache._cache_file  # noqa: SLF001 - numba has no public way in
+            file.save = types.MethodType(_save, file)
+        _KERNELS.append(dispatcher)
+        return dispatcher  # type: ignore[no-any-return]
+
+    return decorate
+
+
+def _save(self: Any, key: Any, data: Any) -> None:
+    """Keep a compiled kernel on disk in numba's stead, one process at a time.
+
+    numba reads an index of signatures, adds one, writes it back, and then writes the code. Of two processes
+    that do so at once the one's signature ends up with the other's code; of one that is killed half-way,
+    with that of an older version. Here the index is locked, and written once what it speaks of is there.
+
+    Parameters
+    ----------
+    self : IndexDataCacheFile
+        numba's, of one kernel.
+    key, data : object
+        Signature and code as numba has them.
+    """
+    with _alone(Path(self._cache_path) / _LOCK) as alone:
+        if alone is False:
+            return
+        overloads = self._load_index()
+        taken = set(overloads.values())
+        # Where files cannot be locked a name that nobody else takes keeps signatures apart; at worst one of
+        # two kernels is compiled again.
+        numbers = itertools.count(1 if alone else uuid.uuid4().int)
+        free = (name for name in map(self._data_name, numbers) if name not in taken)
+        name = overloads.get(key) or next(free)
+        self._save_data(name, data)
+        if key not in overloads:
+            self._save_index({**overloads, key: name})
+
+
+@contextlib.contextmanager
+def _alone(path: Path) -> Iterator[bool | None]:
+    """Hold the system's lock on a file, which ends with the process whatever becomes of it.
+
+    Parameters
+    ----------
+    path : Path
+        A file for nothing else; it is made where it is missing, and stays.
+
+    Yields
+    ------
+    bool or None
+        True with the lock, False where another process kept it for too long, None where the file system
+        has no locks.
+    """
+    with path.open("ab") as file:
+        until = time.monotonic() + _LOCK_PATIENCE
+        while (alone := _lock(file)) is False and time.monotonic() < until:
+            time.sleep(_LOCK_NAP)
+        try:
+            yield alone
+        finally:
+            if alone:
+                _unlock(file)
+
+
+def _lock(file: IO[bytes]) -> bool | None:
+    """Try to lock a file, at once; return what `_alone` yields."""
+    try:
+        if sys.platform == "win32":
+            file.seek(0)
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):
+        return False
+    except OSError:
+        return None
+    return True
+
+
+def _unlock(file: IO[bytes]) -> None:
+    """Let others have the file before it is closed, which Windows may do later than it is told to."""
+    if sys.platform == "win32":
+        file.seek(0)
+        msvcrt.locking(file.fileno(), msvcrt.LK_UNLCK, 1)
+    else:
+        fcntl.flock(file, fcntl.LOCK_UN)
 
 
 def set_cache_directory(directory: Path) -> None:
@@ -99,6 +207,59 @@ def on_compile(tell: Callable[[str], None]) -> None:
     # numba asks for a subclass, and has no types to check one by.
     listener = type("Listener", (event.Listener,), {"on_start": started, "on_end": lambda *_: None})
     event.register("numba:compile", listener())
+
+
+@contextlib.contextmanager
+def rehearsal() -> Iterator[list[Callable[[], object]]]:
+    """Run kernels as the Python that they also are, and note what would have been compiled.
+
+    Meant for a few dozen samples, whose picture is not looked at: what Python computes otherwise, or
+    refuses to, does not matter. Only kernels that were not called before take part.
+
+    Yields
+    ------
+    list of callable
+        Grows in the order in which kernels are called. Each compiles one of them, or reads it from disk;
+        they are to be called when the rehearsal is over.
+    """
+    noted: dict[tuple[int, Any], Callable[[], object]] = {}
+    compiling: list[Callable[[], object]] = []
+    depth = 0
+
+    def rehearse(kernel: Any) -> Callable[..., Any]:
+        def play(*arguments: Any) -> Any:
+            nonlocal depth
+            depth += 1
+            try:
+                return kernel.py_func(*arguments)
+            except (ArithmeticError, LookupError, TypeError, ValueError):
+                # Kernels that their callers call give back nothing, except through arrays.
+                if depth > 1:
+                    raise
+                return None
+            finally:
+                depth -= 1
+
+        def note(*arguments: Any) -> Any:
+            # A kernel that is called by another one is compiled with it.
+            if depth == 0:
+                signature = tuple(numba.typeof(argument) for argument in arguments)
+                key = id(kernel), signature
+                if key not in noted:
+                    noted[key] = functools.partial(kernel.compile, signature)
+                    compiling.append(noted[key])
+            return play
+
+        return note
+
+    # What numba calls for types that it has no code for yet; it then calls what it is given.
+    for kernel in _KERNELS:
+        kernel._compile_for_args = rehearse(kernel)  # noqa: SLF001 - numba has no public way in
+    try:
+        yield compiling
+    finally:
+        for kernel in _KERNELS:
+            del kernel._compile_for_args  # noqa: SLF001
 
 
 def set_thread_count(threads: int | None) -> int:
