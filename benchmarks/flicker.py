@@ -37,7 +37,8 @@ from lens_scenes import SEQUENCES, LensScene, open_scene  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
 from potmesil_addon import exr  # noqa: E402
-from potmesil_addon.process import focus_settings, process, run  # noqa: E402
+from potmesil_addon.process import focus_settings, process  # noqa: E402
+from potmesil_addon.progress import run  # noqa: E402
 from potmesil_addon.samples import LensAttributes, Samples  # noqa: E402
 
 Picture = npt.NDArray[np.float32]

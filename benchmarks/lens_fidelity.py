@@ -41,7 +41,8 @@ from scipy import stats  # noqa: E402
 
 from potmesil_addon.errors import PotmesilError  # noqa: E402
 from potmesil_addon.lens import Lens  # noqa: E402
-from potmesil_addon.process import ProcessSettings, Result, focus_settings, process, run  # noqa: E402
+from potmesil_addon.process import ProcessSettings, Result, focus_settings, process  # noqa: E402
+from potmesil_addon.progress import run  # noqa: E402
 from potmesil_addon.samples import SampleLayer, Samples  # noqa: E402
 
 Picture = npt.NDArray[np.float32]

@@ -37,7 +37,8 @@ from vector_blur import SAMPLE_COUNTS, Setup, setups, vector_blur  # noqa: E402
 from potmesil_addon import exr  # noqa: E402
 from potmesil_addon.errors import PotmesilError  # noqa: E402
 from potmesil_addon.motion import MOTION_MODELS  # noqa: E402
-from potmesil_addon.process import ProcessSettings, process, run  # noqa: E402
+from potmesil_addon.process import ProcessSettings, process  # noqa: E402
+from potmesil_addon.progress import run  # noqa: E402
 from potmesil_addon.samples import Samples  # noqa: E402
 from sample_scenes import rendering  # noqa: E402
 from sample_scenes.rendering import saved_render  # noqa: E402

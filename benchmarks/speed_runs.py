@@ -110,7 +110,8 @@ def settings_of(case: Case, facts: dict[str, Any]) -> Any:
 def _grid(job: dict[str, Any]) -> None:
     """Time cases on one frame, each after a run that does not count."""
     from potmesil_addon import exr  # noqa: PLC0415
-    from potmesil_addon.process import process, run  # noqa: PLC0415
+    from potmesil_addon.process import process  # noqa: PLC0415
+    from potmesil_addon.progress import run  # noqa: PLC0415
 
     samples = exr.read_samples(Path(job["samples"]))
     for values in job["cases"]:
@@ -149,7 +150,8 @@ def _settled(seconds: list[float], first: float) -> bool:
 def _memory(job: dict[str, Any]) -> None:
     """Measure the most memory that one frame takes above what is there once its samples are read."""
     from potmesil_addon import exr  # noqa: PLC0415
-    from potmesil_addon.process import process, run  # noqa: PLC0415
+    from potmesil_addon.process import process  # noqa: PLC0415
+    from potmesil_addon.progress import run  # noqa: PLC0415
 
     case = Case(**job["cases"][0])
     samples = exr.read_samples(Path(job["samples"]))
@@ -170,7 +172,8 @@ def _stage(job: dict[str, Any]) -> None:
     """Time what the extension does after a render with the file's settings: read, process, write."""
     from potmesil_addon import exr  # noqa: PLC0415
     from potmesil_addon.cli import write_result  # noqa: PLC0415
-    from potmesil_addon.process import ProcessSettings, process, run  # noqa: PLC0415
+    from potmesil_addon.process import ProcessSettings, process  # noqa: PLC0415
+    from potmesil_addon.progress import run  # noqa: PLC0415
 
     source, target = Path(job["samples"]), Path(job["target"])
     parts: list[tuple[float, float, float]] = []
@@ -191,7 +194,8 @@ def _cold(job: dict[str, Any]) -> None:
     """Time the imports and the first frames of a process, each case's first and second."""
     started = time.perf_counter()
     from potmesil_addon import exr  # noqa: PLC0415
-    from potmesil_addon.process import process, run  # noqa: PLC0415
+    from potmesil_addon.process import process  # noqa: PLC0415
+    from potmesil_addon.progress import run  # noqa: PLC0415
 
     imports = time.perf_counter() - started
     samples = exr.read_samples(Path(job["samples"]))

@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from potmesil_addon import jit
 from potmesil_addon.focus import FocusSettings, focus_layer
-from potmesil_addon.process import ProcessSettings, focus_settings, run
+from potmesil_addon.process import ProcessSettings, focus_settings
+from potmesil_addon.progress import run
 from potmesil_addon.psf import PsfBuilder, PsfKind, PsfSettings
 from potmesil_addon.samples import Samples
 

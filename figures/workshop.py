@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from potmesil_addon import exr
-from potmesil_addon.process import ProcessSettings, Result, process, run
+from potmesil_addon.process import ProcessSettings, Result, process
+from potmesil_addon.progress import run
 from potmesil_addon.samples import Samples
 
 if TYPE_CHECKING:

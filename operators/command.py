@@ -106,7 +106,8 @@ def _render(
 ) -> None:
     """Render, process and write every frame asked for; the scene's settings may be animated."""
     from ..potmesil_addon import cli, exr, jit  # noqa: PLC0415 - see kernels
-    from ..potmesil_addon.process import process, run  # noqa: PLC0415
+    from ..potmesil_addon.process import process  # noqa: PLC0415
+    from ..potmesil_addon.progress import run  # noqa: PLC0415
 
     frames = (scene.frame_current,) if options.frames is None else parse_frames(options.frames)
     # What is wrong with the options is said before the first render.

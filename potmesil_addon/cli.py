@@ -6,8 +6,11 @@ Exit status: 0 done, 2 usage, 3 input missing or wrong, 4 failed.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
+import os
+import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -34,7 +37,9 @@ from .lens import (
     depth_of_field_for_circle,
 )
 from .motion import MOTION_MODELS
-from .process import ProcessSettings, Result, process, run
+from .preview import settings_to_json
+from .process import ProcessSettings, Result, process
+from .progress import run
 from .psf import (
     PRIMARY_WAVELENGTHS,
     PSF_KINDS,
@@ -618,7 +623,8 @@ def _process(options: argparse.Namespace) -> int:
         process_settings(options, frame)
     jobs = [_Job.create(options, frame, several=len(frames) > 1) for frame in frames]
     _refuse_replacing(jobs)
-    jit.set_thread_count(options.threads)
+    if jit.set_thread_count(options.threads) > 1:
+        _compile_beside(jobs[0].source, process_settings(options, jobs[0].frame))
     layers = tuple(options.layer) if options.layer else None
     samples, last = None, None
     for job in jobs:
@@ -707,6 +713,30 @@ def _process_frame(job: _Job, samples: Samples, options: argparse.Namespace) -> 
         write_json(job.report, report)
     # Whole lines, at once: farms read them through a pipe.
     print(f"Saved: '{job.output}'", flush=True)
+
+
+def _compile_beside(source: Path, settings: ProcessSettings) -> None:
+    """Have a second process compile kernels too, should any of a picture's have to be."""
+    root = str(Path(__file__).absolute().parents[1])
+    path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
+    command = [sys.executable, "-P", "-m", f"{__package__}.warm", str(source.absolute())]
+    started: list[str] = []
+
+    def start(kernel: str) -> None:
+        if started:
+            return
+        started.append(kernel)
+        # Alone it takes longer, and comes to the same.
+        with contextlib.suppress(OSError):
+            subprocess.Popen(
+                [*command, json.dumps(settings_to_json(settings))],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                env={**os.environ, "PYTHONPATH": path},
+            )
+
+    jit.on_compile(start)
 
 
 def write_json(path: Path, value: dict[str, Any]) -> None:

@@ -260,7 +260,7 @@ def _sources(
         fragments = carried_past_the_border(parts, beyond)
     del radius
     weight = _weights(fragments.depth, settings.weighting) * fragments.coverage
-    brightest = brightness_of_lights(fragments)
+    brightest = brightness_of_lights(fragments.color[0])
     assignment, side = put_in_blocks(
         fragments.color,
         weight,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
-from typing import Final, Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +35,18 @@ from .sheets import (
 from .shutter import Shutter
 from .time_depth import MovingObject, meeting, merge
 from .tracks import Mask, assign_tracks, sample_origin
-from .warp import NO_QUAD, NO_TRACK, VECTOR_TRACK, Background, Schedule, Sheets, expose, instant, places
+from .warp import (
+    NO_QUAD,
+    NO_TRACK,
+    VECTOR_TRACK,
+    Background,
+    Schedule,
+    Sheets,
+    expose,
+    instant,
+    outlook,
+    places,
+)
 
 MotionModel = Literal["auto", "object", "vector"]
 """``object`` gives each object one path (1983), ``vector`` each sample its own, ``auto`` what is needed."""
@@ -144,7 +155,7 @@ class Motion:
         The tracks' objects.
     surface : ndarray of int64 of shape (sheets, rows, columns)
         Which object each sample belongs to.
-    travel : ndarray of float64 of shape (sheets, rows, columns)
+    travel : ndarray of float32 of shape (sheets, rows, columns)
         Length of each sample's path in pixels of the samples.
     moving : float
         Share of the samples that move.
@@ -158,7 +169,7 @@ class Motion:
     settings: MotionSettings
     paths: tuple[ObjectPath | None, ...]
     surface: npt.NDArray[np.int64]
-    travel: FloatArray
+    travel: Float32Array
     moving: float
     hidden: Hidden
 
@@ -167,15 +178,15 @@ class Motion:
         """Length of the longest path in pixels of the samples."""
         return float(self.travel.max(initial=0.0))
 
-    def schedule(self, instants: int) -> Schedule:
-        """Return instants with equal shares of the light."""
-        shares = (np.arange(instants) + 0.5) / instants
+    def schedule(self, instants: int, first: float = 0.0, last: float = 1.0) -> Schedule:
+        """Return instants with equal shares of the light that comes in between two shares of all of it."""
+        shares = first + (last - first) * (np.arange(instants) + 0.5) / instants
         return _schedule(self.samples, self.settings.shutter, self.paths, shares)
 
-    def opening(self, instants: int) -> FloatArray:
-        """Return the aperture's radius over its full one at those instants."""
+    def opening(self, share: float) -> float:
+        """Return the aperture's radius over its full one when a share of the light has come in."""
         shutter = self.settings.shutter
-        return shutter.opening(shutter.times((np.arange(instants) + 0.5) / instants))
+        return float(shutter.opening(shutter.times(share)))
 
 
 def prepare(layer: SampleLayer, samples: Samples, settings: MotionSettings) -> Motion | None:
@@ -290,16 +301,62 @@ def expose_layer(
         if not others:
             count = bins
     report = report_of(motion, layer, count, guessed)
-    surfaces = np.unique(rest.surface[rest.sheets.track != NO_TRACK]).size
-    return picture, guessed, replace(report, object_paths=len(objects), sample_paths=int(surfaces))
+    surfaces = _surface_count(rest)
+    return picture, guessed, replace(report, object_paths=len(objects), sample_paths=surfaces)
 
 
-def _complete(samples: Samples, picture: Float32Array, guessed: Float32Array) -> None:
+def _surface_count(motion: Motion) -> int:
+    """Return of how many objects there are samples."""
+    found = motion.surface[motion.sheets.track != NO_TRACK]
+    # Most samples' neighbours are of the same one, and need not be sorted.
+    begins = np.flatnonzero(found[1:] != found[:-1]) + 1
+    return int(np.unique(found[np.r_[0, begins]]).size) if found.size else 0
+
+
+def expose_part(
+    motion: Motion, instants: int, part: tuple[float, float], filler: Float32Array | None = None
+) -> tuple[Float32Array, Float32Array]:
+    """Return what is seen during a part of the exposure, on average.
+
+    Parameters
+    ----------
+    motion : Motion
+        The layer made ready.
+    instants : int
+        Number of instants that are averaged.
+    part : (float, float)
+        First and last share of the exposure's light.
+    filler : ndarray of float32 of shape (rows, columns, 4), optional
+        What is taken where nothing is seen; by default what is seen around it.
+
+    Returns
+    -------
+    picture : ndarray of float32 of shape (rows, columns, 4)
+        The display window, premultiplied.
+    guessed : ndarray of float32 of shape (rows, columns)
+        Share of each pixel's light that was filled in.
+    """
+    display = motion.samples.display_window
+    picture = np.zeros((display.rows, display.columns, 4), dtype=np.float32)
+    guessed = np.zeros((display.rows, display.columns), dtype=np.float32)
+    schedule = motion.schedule(instants, *part)
+    for _ in expose(motion.sheets, schedule, motion.background, picture, guessed, motion.settings.backend):
+        pass
+    if motion.background is None:
+        _complete(motion.samples, picture, guessed, filler)
+    return picture, guessed
+
+
+def _complete(
+    samples: Samples, picture: Float32Array, guessed: Float32Array, filler: Float32Array | None = None
+) -> None:
     """Fill in what no sample was seen at, and leave empty what the file has no data for."""
     there = _has_data(samples)
-    seen = guessed < 1.0
-    if (there & ~seen).any():
-        picture[:] = filled_in(picture, seen & there, there & ~seen)
+    # What is known of a surface is a guess too, but it is seen.
+    unseen = there & (guessed >= 1.0) & (picture[..., 3] <= 0.0)
+    if unseen.any():
+        source = filled_in(picture, there & ~unseen, unseen) if filler is None else filler
+        picture[unseen] = source[unseen]
     # Beyond its data a file is empty: what was not seen there at an instant was nothing.
     picture[~there] *= (1.0 - guessed[~there])[:, np.newaxis]
     guessed[~there] = 0.0
@@ -522,68 +579,55 @@ class _Probe:
         self._paths = paths
         self._schedule = _schedule(samples, settings.shutter, paths, np.linspace(0.0, 1.0, _PROBES))
 
-    def moves(self, sheet: Sheet) -> tuple[Mask, FloatArray]:
+    def moves(self, sheet: Sheet) -> tuple[Mask, Float32Array]:
         """Return which samples move, and how long each one's path is in pixels."""
-        sheets = self._stack([sheet])
-        travel = np.zeros(sheet.tracks.track.shape)
-        farthest = np.zeros(sheet.tracks.track.shape)
-        rest = _rest(sheets)
-        last = None
-        for n in range(_PROBES):
-            place = places(sheets, self._schedule, n, self._settings.backend)[0]
-            xy = np.where(place[..., 2:] >= 0.0, place[..., :2], rest if last is None else last)
-            if last is not None:
-                travel += np.hypot(*np.moveaxis(xy - last, -1, 0))
-            farthest = np.maximum(farthest, np.hypot(*np.moveaxis(xy - rest, -1, 0)))
-            last = xy
-        return np.maximum(travel, farthest) > _STILL, travel
+        found = outlook(self._stack([sheet]), self._schedule, self._settings.backend)
+        return np.maximum(found.length, found.farthest)[0] > _STILL, found.length[0]
 
     def motion(
         self,
         sheets: list[Sheet],
         background: Background | None,
-        travel: FloatArray,
+        travel: Float32Array,
         moving: float,
         hidden: Hidden,
     ) -> Motion:
         """Return the layer with its sheets joined."""
         stacked = self._stack(sheets)
-        rest = _rest(stacked)
-        shape = stacked.track.shape
-        right = np.zeros((shape[0], shape[1], shape[2] - 1))
-        down = np.zeros((shape[0], shape[1] - 1, shape[2]))
-        for n in range(_PROBES):
-            off = places(stacked, self._schedule, n, self._settings.backend)[..., :2] - rest
-            right = np.maximum(right, np.abs(np.diff(off, axis=2)).max(axis=3))
-            down = np.maximum(down, np.abs(np.diff(off, axis=1)).max(axis=3))
-        joined = [
-            join(sheet, right[s], down[s], before_something=s > 0 or background is not None)
-            for s, sheet in enumerate(sheets)
-        ]
-        behind = np.stack([behind for _, behind in joined])
-        stacked = stacked._replace(
-            quads=np.stack([quads for quads, _ in joined]), color=np.stack([stacked.color[0], behind])
-        )
-        surface = np.stack([sheet.surface for sheet in sheets])
+        found = outlook(stacked, self._schedule, self._settings.backend)
+        quads = np.empty(stacked.quads.shape, dtype=np.uint8)
+        color = np.empty((2, *stacked.color.shape[1:]), dtype=np.float32)
+        color[0] = stacked.color[0]
+        for s, sheet in enumerate(sheets):
+            quads[s], color[1, s] = join(
+                sheet, found.right[s], found.down[s], before_something=s > 0 or background is not None
+            )
+        stacked = stacked._replace(quads=quads, color=color)
+        surface = _stacked([sheet.surface for sheet in sheets])
         return Motion(
             stacked, background, self.samples, self._settings, self._paths, surface, travel, moving, hidden
         )
 
     def _stack(self, sheets: list[Sheet]) -> Sheets:
-        # The kernels read them as flat arrays.
-        color = np.ascontiguousarray(np.stack([sheet.color for sheet in sheets]))
-        shape = color.shape[:3]
+        shape = (len(sheets), *sheets[0].tracks.track.shape)
         return Sheets(
-            color=color[np.newaxis],
-            inverse_depth=np.stack([sheet.inverse_depth for sheet in sheets]),
-            track=np.stack([sheet.tracks.track for sheet in sheets]),
-            velocity=np.stack([sheet.tracks.velocity for sheet in sheets]),
-            acceleration=np.stack([sheet.tracks.acceleration for sheet in sheets]),
-            guessed=np.stack([sheet.guessed for sheet in sheets]),
+            color=_stacked([sheet.color for sheet in sheets])[np.newaxis],
+            inverse_depth=_stacked([sheet.inverse_depth for sheet in sheets]),
+            track=_stacked([sheet.tracks.track for sheet in sheets]),
+            velocity=_stacked([sheet.tracks.velocity for sheet in sheets]),
+            acceleration=_stacked([sheet.tracks.acceleration for sheet in sheets]),
+            guessed=_stacked([sheet.guessed for sheet in sheets]),
             quads=np.zeros((shape[0], shape[1] - 1, shape[2] - 1), dtype=np.uint8),
             origin_x=sample_origin(self.samples)[0],
             origin_y=sample_origin(self.samples)[1],
         )
+
+
+def _stacked(arrays: list[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """Return arrays as one, which the kernels read as a flat one; a single one is not copied."""
+    stacked = arrays[0][np.newaxis] if len(arrays) == 1 else np.stack(arrays)
+    # Another kind of array would have all kernels compiled again.
+    return np.require(stacked, requirements=["C_CONTIGUOUS", "WRITEABLE"])
 
 
 def _rest(sheets: Sheets) -> FloatArray:

@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from .camera import Film
 from .motion import Motion, instant_layer, instants_for, prepare
-from .process import ProcessSettings, motion_settings, process, run
+from .process import ProcessSettings, motion_settings, process
+from .progress import run
 from .psf import PsfSettings
 from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window
 from .shutter import ShutterAttributes, Slit
@@ -378,7 +379,7 @@ class Previewer:
 def _seen_at(samples: Samples, moving: list[Motion | None], count: int) -> list[tuple[Samples, float]]:
     """Return the samples at instants with equal shares of the light, and the lens's opening then."""
     ready = next(motion for motion in moving if motion is not None)
-    openings = ready.opening(count)
+    openings = [ready.opening((n + 0.5) / count) for n in range(count)]
     schedules = [None if motion is None else motion.schedule(count) for motion in moving]
     there = samples.data_window.intersection(samples.display_window)
     rows, columns = there.within(samples.data_window)
@@ -393,7 +394,7 @@ def _seen_at(samples: Samples, moving: list[Motion | None], count: int) -> list[
         then = replace(
             samples, layers=tuple(layers), data_window=samples.display_window, position="center", paths=None
         )
-        moments.append((then, float(openings[n])))
+        moments.append((then, openings[n]))
     return moments
 
 

@@ -12,22 +12,14 @@ import numpy as np
 
 from . import jit
 from .camera import Film
+from .cascade import cascade
 from .errors import SettingsError
 from .focus import FocusReport, FocusSettings, Weighting, average_down, focus_layer, over
-from .lens import CocModel, FloatArray, Lens, circle_of_confusion
-from .motion import (
-    Motion,
-    MotionModel,
-    MotionReport,
-    MotionSettings,
-    expose_layer,
-    instant_layer,
-    instants_for,
-    prepare,
-    report_of,
-)
+from .lens import CocModel, Lens
+from .motion import MotionModel, MotionReport, MotionSettings, expose_layer, prepare, report_of
 from .pixel_filter import filter_down
 from .printer import defocus_evenly, fade
+from .progress import scaled
 from .psf import PsfSettings
 from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window
 from .scatter import Backend, uses_numba
@@ -37,12 +29,6 @@ from .variation import variation
 from .visibility import Visibility
 
 T = TypeVar("T")
-
-_STEP_OF_CIRCLE: Final = 0.125
-"""Distance between the discs of a defocused moving sample, as a share of their diameter."""
-
-_LEAST_OPENING: Final = 1e-3
-"""Least opening of a between-the-lens shutter over the full one."""
 
 _NOTEWORTHY: Final = 0.02
 """Share of guessed light from which a pixel counts as resting on guesses."""
@@ -254,7 +240,11 @@ def _process_layer(
     """Run the processors that are wanted on one layer."""
     moving = None if motion is None else prepare(layer, samples, motion)
     if moving is not None and focus is not None:
-        return (yield from _cascade(moving, layer, focus))
+        cascaded = yield from cascade(moving, layer, focus)
+        picture, guessed = cascaded.picture, cascaded.guessed
+        of_guesses = _doubt_of_guesses(picture, guessed, compiled=uses_numba(focus.backend))
+        report = report_of(moving, layer, cascaded.instants, guessed)
+        return _Layer(picture, guessed, cascaded.doubt + of_guesses, cascaded.focus, report)
     if moving is not None and motion is not None:
         picture, guessed, report = yield from expose_layer(moving, layer)
         doubt = _doubt_of_guesses(picture, guessed, compiled=uses_numba(motion.backend))
@@ -267,37 +257,6 @@ def _process_layer(
     of_guesses = _doubt_of_guesses(focused.picture, focused.guessed, compiled=uses_numba(focus.backend))
     doubt = focused.doubt + _OTHER_SURFACE * of_guesses
     return _Layer(focused.picture, focused.guessed, doubt, focused.report, motion_report)
-
-
-def _cascade(moving: Motion, layer: SampleLayer, focus: FocusSettings) -> Generator[float, None, _Layer]:
-    """Focus the samples of every instant (1983, figure 5: the PSFs of lens and motion on one sample).
-
-    A sample that is out of focus may take longer steps: its discs overlap.
-    """
-    samples = replace(moving.samples, data_window=moving.samples.display_window, position="center")
-    circles = _circles(moving.sheets.inverse_depth, focus) / focus.film.pitch_x
-    steps = moving.travel / np.maximum(1.0, _STEP_OF_CIRCLE * circles)
-    count = instants_for(float(steps.max(initial=0.0)))
-    schedule, openings = moving.schedule(count), moving.opening(count)
-    total = np.zeros((samples.display_window.rows, samples.display_window.columns, 4))
-    total_guessed, total_doubt = np.zeros(total.shape[:2]), np.zeros(total.shape[:2])
-    focus_report = None
-    for n in range(count):
-        then, guessed = instant_layer(moving, layer, schedule, n)
-        # The blades of a between-the-lens shutter stop the lens down while they open and close.
-        lens = replace(focus.lens, f_stop=focus.lens.f_stop / max(float(openings[n]), _LEAST_OPENING))
-        steps_of_instant = focus_layer(then, samples, replace(focus, lens=lens), n)
-        focused = yield from scaled(steps_of_instant, n / count, 1.0 / count)
-        total += focused.picture
-        total_guessed += np.maximum(guessed, focused.guessed)
-        total_doubt += focused.doubt
-        focus_report = focused.report
-    mean_guessed = np.asarray(total_guessed / count, dtype=np.float32)
-    motion_report = report_of(moving, layer, count, mean_guessed)
-    picture = np.asarray(total / count, dtype=np.float32)
-    doubt = np.asarray(total_doubt / count, dtype=np.float32)
-    doubt += _doubt_of_guesses(picture, mean_guessed, compiled=uses_numba(focus.backend))
-    return _Layer(picture, mean_guessed, doubt, focus_report, motion_report)
 
 
 def _doubt_of_guesses(picture: Float32Array, guessed: Float32Array, *, compiled: bool) -> Float32Array:
@@ -329,62 +288,6 @@ def _printed(
         mask = yield from scaled(defocus_evenly(mask, film, circle, aperture, settings.backend), share, share)
         guessed = mask[..., 0]
     return picture, guessed
-
-
-def _circles(inverse_depth: Float32Array, focus: FocusSettings) -> FloatArray:
-    """Return diameters of circles of confusion in metres."""
-    with np.errstate(divide="ignore"):
-        depth = 1.0 / inverse_depth.astype(np.float64)
-    return np.abs(circle_of_confusion(depth, focus.lens, focus.model))
-
-
-def run(steps: Generator[float, None, T]) -> T:
-    """Run a generator of progress to its end.
-
-    Parameters
-    ----------
-    steps : generator
-        Yields progress, returns a result.
-
-    Returns
-    -------
-    object
-        The result.
-    """
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            result: T = stop.value
-            return result
-
-
-def scaled(steps: Generator[float, None, T], start: float, share: float) -> Generator[float, None, T]:
-    """Run a part of some work, its progress scaled into the whole's.
-
-    Parameters
-    ----------
-    steps : generator
-        Yields progress from 0 to 1, returns a result.
-    start, share : float
-        Where the part begins in the whole, and how much of it it is.
-
-    Yields
-    ------
-    float
-        Share of the whole done.
-
-    Returns
-    -------
-    object
-        The part's result.
-    """
-    while True:
-        try:
-            yield start + share * next(steps)
-        except StopIteration as stop:
-            result: T = stop.value
-            return result
 
 
 def focus_settings(samples: Samples, settings: ProcessSettings) -> FocusSettings:

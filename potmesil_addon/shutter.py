@@ -251,7 +251,7 @@ class Shutter:
         if self.blade_time < _LEAST_BLADE_TIME:
             return np.ones_like(position)
         radius = np.zeros_like(position)
-        for begin, end in self._openings():
+        for begin, end in self.opened():
             blades = self.blade_time * min(end - begin, self._unit)
             edge = np.minimum(position - begin, end - position) / blades
             radius = np.maximum(radius, np.clip(edge, 0.0, 1.0))
@@ -285,7 +285,7 @@ class Shutter:
         """T as a share of the interval."""
         return 1.0 / max(1.0, self.openings[-1][1]) if self.openings else 1.0
 
-    def _openings(self) -> Openings:
+    def opened(self) -> Openings:
         """Return the openings as positions from 0 to 1 in the interval."""
         if not self.openings:
             return ((0.0, 1.0),)
@@ -295,7 +295,7 @@ class Shutter:
         """Return (begin, end, light at begin, light at end) of pieces in which light changes evenly."""
         curve = np.array(self.curve if self.curve else ((0.0, 1.0), (1.0, 1.0)))
         pieces = []
-        for begin, end in self._openings():
+        for begin, end in self.opened():
             knots = [begin, end, *curve[(curve[:, 0] > begin) & (curve[:, 0] < end), 0]]
             if self.blade_time >= _LEAST_BLADE_TIME:
                 blades = self.blade_time * min(end - begin, self._unit)

@@ -281,7 +281,7 @@ def decide(
     squares = _squares_seen(before, behind, pinholes, shape, compiled)
     seen = _shares(squares, cells.area, pinholes.span)
     partly = np.flatnonzero((seen > 0.0) & (seen < 1.0))
-    mask = _masks(squares[:, partly], behind.radius[partly], pinholes.span)
+    mask = _masks(np.take(squares, partly, axis=1), behind.radius[partly], pinholes.span)
     if turn is None:
         bright = np.flatnonzero(_shows_its_shape(fragments, hidden[partly], brightest))
         if bright.size:
@@ -318,20 +318,20 @@ def _shows_its_shape(
     return np.asarray((light > brightest) & large)
 
 
-def brightness_of_lights(fragments: Fragments) -> float:
+def brightness_of_lights(color: Float32Array) -> float:
     """Return the light, on average over red, green and blue, past which one sees a sample's own circle.
 
     Parameters
     ----------
-    fragments : Fragments
-        The surfaces of each pixel.
+    color : ndarray of float32 of shape (rows, columns, 4)
+        What a pinhole sees.
 
     Returns
     -------
     float
-        Four times the mean of what a pinhole sees.
+        Four times its mean.
     """
-    return _BRIGHT * float(fragments.color[0, ..., :3].mean())
+    return _BRIGHT * float(color[..., :3].mean())
 
 
 class _Points(NamedTuple):

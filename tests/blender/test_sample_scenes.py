@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from potmesil_addon import exr
-from potmesil_addon.process import ProcessSettings, process, run
+from potmesil_addon.process import ProcessSettings, process
+from potmesil_addon.progress import run
 from sample_scenes import catalogue, rendering
 
 SAVED = [name for name, item in catalogue.SCENES.items() if item.saved]

@@ -17,7 +17,7 @@ from scipy import special
 
 from potmesil_addon.camera import Film
 from potmesil_addon.focus import FocusSettings, focus_layer
-from potmesil_addon.process import run
+from potmesil_addon.progress import run
 from potmesil_addon.psf import PsfBuilder
 from potmesil_addon.samples import SampleLayer, Samples, Window
 

@@ -17,8 +17,9 @@ import numpy.typing as npt
 
 from potmesil_addon.motion import MotionSettings, expose_layer, prepare
 from potmesil_addon.paths import CameraPath, MotionPaths, ObjectPath
-from potmesil_addon.process import run
+from potmesil_addon.progress import run
 from potmesil_addon.samples import SampleLayer, Samples, Window
+from potmesil_addon.sheets import on_display
 from potmesil_addon.shutter import Shutter
 
 from .helpers import Array, Picture
@@ -283,6 +284,11 @@ def exposed(samples: Samples, shutter: Shutter, **others: Any) -> tuple[Picture,
     motion = prepare(samples.layers[0], samples, MotionSettings(shutter, **others))
     assert motion is not None
     return run(expose_layer(motion, samples.layers[0]))
+
+
+def shown(samples: Samples) -> Picture:
+    """Return the picture that the samples are of, at rest."""
+    return on_display(samples, samples.layers[0].color)
 
 
 def decibels(picture: npt.NDArray[Any], reference: npt.NDArray[Any], where: Any = None) -> float:

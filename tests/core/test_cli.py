@@ -20,7 +20,8 @@ from potmesil_addon import __version__, cli, exr
 from potmesil_addon.camera import Camera, FrameFormat, camera_rotation
 from potmesil_addon.lens import Lens, depth_of_field_for_circle
 from potmesil_addon.paths import CameraPath, MotionPaths, ObjectPath
-from potmesil_addon.process import ProcessSettings, process, run
+from potmesil_addon.process import ProcessSettings, process
+from potmesil_addon.progress import run
 from potmesil_addon.psf import PRIMARY_WAVELENGTHS, PsfSettings
 from potmesil_addon.samples import LensAttributes
 from potmesil_addon.shutter import Shutter, ShutterAttributes, Slit, attributes_from_json

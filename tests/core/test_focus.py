@@ -15,7 +15,7 @@ from potmesil_addon.camera import Film
 from potmesil_addon.errors import InputError
 from potmesil_addon.focus import WEIGHTINGS, FocusSettings, Weighting, average_down, focus_layer, over
 from potmesil_addon.lens import Lens, circle_of_confusion
-from potmesil_addon.process import run
+from potmesil_addon.progress import run
 from potmesil_addon.psf import TABLE_LOOKUPS, TABLE_SPACINGS, PsfSettings
 from potmesil_addon.samples import SampleLayer, Samples, Window
 from potmesil_addon.scatter import BAND_ROWS, Backend

@@ -31,7 +31,8 @@ from potmesil_addon.preview import (
     settings_from_json,
     settings_to_json,
 )
-from potmesil_addon.process import ProcessSettings, process, run
+from potmesil_addon.process import ProcessSettings, process
+from potmesil_addon.progress import run
 from potmesil_addon.psf import PsfSettings
 from potmesil_addon.samples import LensAttributes, PixelFilter, SampleLayer, Samples, Window
 from potmesil_addon.shutter import ShutterAttributes, Slit

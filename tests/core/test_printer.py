@@ -13,7 +13,8 @@ from potmesil_addon.camera import Film
 from potmesil_addon.errors import SettingsError
 from potmesil_addon.lens import Lens
 from potmesil_addon.printer import defocus_evenly, fade
-from potmesil_addon.process import ProcessSettings, process, run
+from potmesil_addon.process import ProcessSettings, process
+from potmesil_addon.progress import run
 from potmesil_addon.samples import LensAttributes, SampleLayer, Samples, Window
 
 from .helpers import ellipse_coverage

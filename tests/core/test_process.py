@@ -18,7 +18,8 @@ from potmesil_addon.camera import Film
 from potmesil_addon.errors import InputError, SettingsError
 from potmesil_addon.focus import FocusSettings
 from potmesil_addon.lens import Lens
-from potmesil_addon.process import ProcessSettings, focus_settings, process, run
+from potmesil_addon.process import ProcessSettings, focus_settings, process
+from potmesil_addon.progress import run
 from potmesil_addon.psf import PsfSettings
 from potmesil_addon.samples import LensAttributes, SampleLayer, Samples, Window
 from potmesil_addon.visibility import VISIBILITIES, Visibility

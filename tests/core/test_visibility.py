@@ -25,7 +25,7 @@ from potmesil_addon.camera import Film
 from potmesil_addon.focus import FocusSettings, average_down, focus_layer
 from potmesil_addon.fragments import fragments_of
 from potmesil_addon.lens import Lens, circle_of_confusion
-from potmesil_addon.process import run
+from potmesil_addon.progress import run
 from potmesil_addon.psf import PsfBuilder, PsfSettings, TableAssignment
 from potmesil_addon.samples import SampleLayer, Samples, Window
 from potmesil_addon.scatter import WHOLE as WHOLE_LIGHT
@@ -636,7 +636,7 @@ def test_without_edges_the_whole_aperture_sees_all(mixed: bool, backend: Any) ->
     radius = cap(40, 50).astype(np.float32)[np.newaxis]
     color = np.random.default_rng(4).random((1, 40, 50, 4)).astype(np.float32)
     fragments = fragments_of(color, depth_of(radius).astype(np.float32), radius, 1.0, mixed=mixed)
-    bright = brightness_of_lights(fragments)
+    bright = brightness_of_lights(fragments.color[0])
     seen = decide(fragments, aperture_cells(ROUND, 1.0), brightest=bright, compiled=backend == "numba")
     assert not fragments.coverage[1:].any()
     assert (seen.share[0] == 1.0).all()
@@ -773,7 +773,7 @@ def test_share_that_sees_past_an_edge(radius: float, lens: Lens, backend: Any) -
     radii = np.broadcast_to(row, (1, 48, columns)).copy()
     color = np.ones((1, 48, columns, 4), dtype=np.float32)
     fragments = fragments_of(color, depth_of(radii).astype(np.float32), radii, 1.0, mixed=False)
-    bright = brightness_of_lights(fragments)
+    bright = brightness_of_lights(fragments.color[0])
     seen = decide(fragments, aperture_cells(lens, 1.0), brightest=bright, compiled=backend == "numba")
     points = aperture_points(lens, spread_evenly(20000, 2))[:, 0]
     off = []

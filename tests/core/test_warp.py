@@ -10,10 +10,11 @@ import pytest
 
 from potmesil_addon import jit
 from potmesil_addon.warp import (
-    BAND_ROWS,
     NO_QUAD,
     NO_TRACK,
     QUAD,
+    TILE_COLUMNS,
+    TILE_ROWS,
     TORN_QUAD,
     VECTOR_TRACK,
     Background,
@@ -21,6 +22,7 @@ from potmesil_addon.warp import (
     Sheets,
     expose,
     instant,
+    outlook,
     places,
 )
 
@@ -168,6 +170,45 @@ def test_slit_meets_a_sample_at_one_time_and_place(factor: float, axis: int, bac
         np.testing.assert_allclose(along, expected, atol=0.01)
 
 
+# Outlook
+
+
+@backends
+def test_outlook_follows_paths_there_and_back(backend: Any) -> None:
+    """A sample that goes 5 pixels and back has a path of 10, and was never farther away than 5."""
+    velocity = np.zeros((1, 3, 4, 2), dtype=np.float32)
+    velocity[0, 1, 2] = [3.0, -4.0]
+    sheets = sheets_of(noise(3, 4), 0.3, VECTOR_TRACK, velocity=velocity)
+    found = outlook(sheets, Schedule(np.array([0.0, 0.5, 1.0, 0.0]), np.zeros((1, 4, 3, 4))), backend)
+    length, right, down = np.zeros((3, 4)), np.zeros((3, 3)), np.zeros((2, 4))
+    length[1, 2], right[1, 1:], down[:, 2] = 10.0, 4.0, 4.0
+    np.testing.assert_allclose(found.length[0], length)
+    np.testing.assert_allclose(found.farthest[0], 0.5 * length)
+    np.testing.assert_allclose(found.right[0], right)
+    np.testing.assert_allclose(found.down[0], down)
+
+
+@backends
+def test_outlook_leaves_samples_where_they_passed_the_camera(backend: Any) -> None:
+    iz = np.full((2, 3), 0.25, dtype=np.float32)
+    iz[1, 1] = 1.0
+    near, past = shifted(2.0), shifted(7.0)
+    past[2, 3] = -2.0
+    found = outlook(sheets_of(noise(2, 3), iz), schedule_of(IDENTITY, near, past), backend)
+    assert found.length[0, 1, 1] == found.farthest[0, 1, 1] == 2.0
+    assert found.length[0, 0, 0] > 7.0
+
+
+@needs_numba
+@pytest.mark.parametrize("seed", range(2))
+def test_outlooks_of_the_backends_agree(seed: int) -> None:
+    sheets, schedule, _ = tangle(seed, 9, 600)
+    # Near the camera's plane places, and what they differ by in rounding, know no bounds.
+    schedule.matrices[:, :, 2] = [0.0, 0.0, 1.0, 0.0]
+    for a, b in zip(*(outlook(sheets, schedule, backend) for backend in ("numba", "numpy")), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-5)
+
+
 # Instants
 
 
@@ -204,6 +245,29 @@ def test_moved_samples_are_interpolated_linearly(move: tuple[float, float], back
     x, y = columns - move[0], rows - move[1]
     inside = (x >= -1e-6) & (x <= 13 + 1e-6) & (y >= -1e-6) & (y <= 11 + 1e-6)
     np.testing.assert_array_equal(seen, inside)
+
+
+@backends
+@pytest.mark.parametrize("move", [(3.0, 0.0), (-2.0, 4.0), (0.0, 1.0), (1e-12, 2.0 - 1e-12)])
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_pixels_on_the_edges_of_quads_belong_to_one(
+    move: tuple[float, float], share: float, backend: Any
+) -> None:
+    """As all do where a camera pans: each is seen once, also of a clear sheet with holes and tears."""
+    color = noise(20, 24) * np.float32(share)
+    quads = np.full((1, 19, 23), QUAD, dtype=np.uint8)
+    quads[0, 5:7, 8], quads[0, 11, 3:6], quads[0, 14:16, 12:15] = TORN_QUAD, TORN_QUAD, NO_QUAD
+    sheets = sheets_of(color, quads=quads)
+    picture, depth, _ = instant(sheets, schedule_of(shifted(*move)), 0, None, (20, 24), backend)
+    x, y = (round(along) for along in move)
+    rows, columns = slice(max(y, 0), 20 + min(y, 0)), slice(max(x, 0), 24 + min(x, 0))
+    from_rows, from_columns = slice(max(-y, 0), 20 - max(y, 0)), slice(max(-x, 0), 24 - max(x, 0))
+    hole = np.zeros((20, 24), dtype=bool)
+    # All four quads around it are missing.
+    hole[15, 13:15] = True
+    seen = ~hole[from_rows, from_columns]
+    np.testing.assert_array_equal(depth[rows, columns] >= 0.0, seen)
+    np.testing.assert_allclose(picture[rows, columns][seen], color[from_rows, from_columns][seen], atol=1e-6)
 
 
 @backends
@@ -358,11 +422,64 @@ def test_guessed_share_is_counted_in_time(share: float, backend: Any) -> None:
     assert 0.0 < guessed.min() == guessed.max() <= 2.0 / 3.0 + 1e-6
 
 
+# Tiles
+
+
+@needs_numba
+@pytest.mark.parametrize("behind", [True, False])
+def test_tiles_have_no_seams(behind: bool) -> None:
+    """Over several tiles each way, and more instants than are drawn at a time: one even colour stays even."""
+    shape = TILE_ROWS + 9, TILE_COLUMNS + 17
+    color = np.broadcast_to(np.float32([0.2, 0.4, 0.6, 1.0]), (shape[0] + 40, shape[1] + 40, 4))
+    sheets = sheets_of(color, origin_x=-19.5, origin_y=-19.5)
+    turns = np.linspace(-0.1, 0.1, 70)
+    matrices = [
+        np.array([[1.0, -t, 9.0 * t, 0.0], [t, 1.0, -9.0 * t, 0.0], [0.0, 0.0, 1.0, 0.0]]) for t in turns
+    ]
+    background = wall(*shape) if behind else None
+    picture, guessed = averaged(sheets, schedule_of(*matrices), background, "numba", shape)
+    inside = np.s_[12:-12, 12:-12]
+    np.testing.assert_allclose(
+        picture[inside], np.broadcast_to(color[0, 0], picture[inside].shape), rtol=1e-6
+    )
+    assert not guessed[inside].any()
+
+
+@needs_numba
+@pytest.mark.parametrize("behind", [True, False])
+@pytest.mark.parametrize(
+    ("rows", "columns", "instants"), [(TILE_ROWS + 10, TILE_COLUMNS + 20, 5), (21, 24, 45)]
+)
+def test_tiles_are_the_mean_of_whole_instants(rows: int, columns: int, instants: int, behind: bool) -> None:
+    """Noise that is thrown from tile to tile, and more instants than are drawn at a time."""
+    sheets, few, background = tangle(11, rows, columns)
+    share = np.linspace(0.0, 3.999, instants)
+    k, after = share.astype(int), (share % 1.0)[:, np.newaxis, np.newaxis]
+    matrices = (1.0 - after) * few.matrices[:, k] + after * few.matrices[:, k + 1]
+    schedule = Schedule(np.interp(share, range(5), few.times), np.ascontiguousarray(matrices))
+    chosen = background if behind else None
+    results = [averaged(sheets, schedule, chosen, backend) for backend in ("numba", "numpy")]
+    for a, b in zip(*results, strict=True):
+        # As for the tangle below; every instant has its own such fragments, and a share of the difference.
+        assert np.mean(np.abs(a - b) > 2e-6) < 2e-4 * instants
+
+
+@needs_numba
+def test_a_sheet_shrunk_into_a_tile_is_drawn_whole() -> None:
+    """All of a row of more blocks than are placed at a time."""
+    sheets = sheets_of(noise(12, 900))
+    matrix = np.array([[0.1, 0.0, 4.0, 0.0], [0.0, 1.0, 0.3, 0.0], [0.0, 0.0, 1.0, 0.0]])
+    results = [instant(sheets, schedule_of(matrix), 0, None, (16, 100), b)[:2] for b in ("numba", "numpy")]
+    assert (results[0][1][2:11, 5:93] > 0.0).all()
+    for a, b in zip(*results, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-6)
+
+
 # The two implementations
 
 
 def tangle(
-    seed: int, rows: int = 2 * BAND_ROWS + 9, columns: int = 40
+    seed: int, rows: int = 2 * TILE_ROWS + 9, columns: int = 40
 ) -> tuple[Sheets, Schedule, Background]:
     """Return two sheets of noise with holes, tears and all kinds of tracks, thrown about at five instants."""
     rng = np.random.default_rng(seed)
@@ -370,8 +487,8 @@ def tangle(
     color = rng.random((*shape, 4), dtype=np.float32)
     color[..., 3] = np.where(rng.random(shape) < 0.8, 1.0, rng.random(shape))
     color[..., :3] *= color[..., 3:]
-    track = rng.choice([0, 1, 2, VECTOR_TRACK], size=(2, rows // 8 + 1, columns // 8))
-    track = track.repeat(8, axis=1).repeat(8, axis=2)[:, :rows].astype(np.int32)
+    track = rng.choice([0, 1, 2, VECTOR_TRACK], size=(2, rows // 8 + 1, -(-columns // 8)))
+    track = track.repeat(8, axis=1).repeat(8, axis=2)[:, :rows, :columns].astype(np.int32)
     track[rng.random(shape) < 0.03] = NO_TRACK
     velocity = rng.normal(0.0, 9.0, (2, *shape, 2)).astype(np.float32)
     sheets = Sheets(
@@ -409,7 +526,7 @@ def test_backends_agree_on_a_tangle(seed: int, behind: bool) -> None:
         # Of fragments at one depth whose alphas are alike but for rounding either may be taken.
         assert np.mean(np.abs(a - b) > 2e-6) < 1e-3
     for n in (0, 3):
-        shape = (2 * BAND_ROWS + 9, 40) if behind else (50, 30)
+        shape = (2 * TILE_ROWS + 9, 40) if behind else (50, 30)
         results = [instant(sheets, schedule, n, chosen, shape, backend) for backend in ("numba", "numpy")]
         for a, b in zip(*results, strict=True):
             assert np.mean(np.abs(a - b) > 2e-6) < 1e-3
@@ -430,7 +547,7 @@ def test_backends_agree_with_a_slit() -> None:
 def test_tangle_does_not_depend_on_the_number_of_threads(all_threads: int) -> None:
     if all_threads < 2:
         pytest.skip("this machine has one core")
-    sheets, schedule, background = tangle(5)
+    sheets, schedule, background = tangle(5, columns=TILE_COLUMNS + 40)
     results = []
     for threads in (1, 2):
         assert jit.set_thread_count(threads) == threads
