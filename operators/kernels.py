@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept inside Blender.
+"""Where compiled kernels are kept inside Blender, and who compiles them.
 
 numba and scipy take the better part of a second to import. Modules of the core that use them are
 imported where they are first needed, after `use_user_cache`, so that Blender starts no slower.
@@ -6,9 +6,17 @@ imported where they are first needed, after `use_user_cache`, so that Blender st
 
 from __future__ import annotations
 
+import contextlib
+import json
+import os
+import subprocess
 from pathlib import Path
+from typing import Any
 
 import bpy
+
+from ..potmesil_addon.errors import InputError
+from . import beside
 
 _EXTENSION = __package__.rpartition(".")[0]
 
@@ -18,6 +26,39 @@ def use_user_cache() -> None:
     from ..potmesil_addon import jit  # noqa: PLC0415 - imports numba
 
     jit.set_cache_directory(cache_folder())
+
+
+def compile_beside(samples: Path, settings: dict[str, Any]) -> None:
+    """Have a second process compile kernels too, should any of a picture's have to be.
+
+    Parameters
+    ----------
+    samples : Path
+        The samples file.
+    settings : dict
+        As `process.settings_values` has them.
+    """
+    from ..potmesil_addon import jit  # noqa: PLC0415 - imports numba
+
+    _Wanted.arguments = [str(samples), json.dumps(settings), str(cache_folder())]
+    if not _Wanted.listening and (os.cpu_count() or 1) > 1:
+        _Wanted.listening = True
+        jit.on_compile(_help)
+
+
+class _Wanted:
+    """What the next picture's kernels are for; None once there is a process that compiles them."""
+
+    arguments: list[str] | None = None
+    listening = False
+
+
+def _help(_: str) -> None:
+    arguments, _Wanted.arguments = _Wanted.arguments, None
+    if arguments is not None:
+        # Alone it takes longer, and comes to the same.
+        with contextlib.suppress(OSError, InputError):
+            beside.start("warm", arguments, subprocess.DEVNULL)
 
 
 def cache_folder() -> Path:

@@ -7,12 +7,9 @@ then at what changed and at what they have finished.
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import json
-import os
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -23,6 +20,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ..potmesil_addon.errors import InputError, PotmesilError
+from . import beside
 from .animation import curves_of
 from .export import samples_path
 from .kernels import cache_folder
@@ -49,25 +47,6 @@ _ABANDONED = 86400.0
 """Seconds without a sign of life after which a folder is of a Blender and workers that were all killed."""
 
 _REQUESTS, _REPLIES = "requests.jsonl", "replies.jsonl"
-_NEEDED = ("numpy", "scipy", "numba", "llvmlite", "OpenEXR")
-_EXTENSION = __package__.rpartition(".")[0]
-
-_BOOT = """
-import importlib, sys, types
-package, root, *arguments = sys.argv[1:]
-name = ""
-for part in package.split("."):
-    name = f"{name}.{part}".lstrip(".")
-    sys.modules[name] = module = types.ModuleType(name)
-    module.__path__ = []
-module.__path__.append(root)
-raise SystemExit(importlib.import_module(f"{package}.potmesil_addon.worker").main(arguments))
-"""
-"""Runs the worker in a package of the same name as inside Blender, without what else the package does.
-
-A compiled kernel on disk belongs to a package by its name; with the same one, what Process has compiled is
-there for Live Focus, and the other way round.
-"""
 
 _NOTHING_THERE = "There is nothing at this place to focus on."
 _HELP = "Live Focus: Drag in the Image to Focus, Enter to Confirm, Esc to Cancel"
@@ -184,49 +163,11 @@ class _Worker:
             (folder / name).touch()
         self._outgoing = (folder / _REQUESTS).open("ab", buffering=0)
         self._incoming = (folder / _REPLIES).open("rb", buffering=0)
-        # As Blender names it: kernels on disk are found by the path of their source.
-        root = Path(__file__).absolute().parents[1]
-        flags = 0
-        if sys.platform == "win32":
-            flags = subprocess.CREATE_NO_WINDOW | subprocess.BELOW_NORMAL_PRIORITY_CLASS
         try:
             with (folder / "log.txt").open("wb") as log:
-                self._process = subprocess.Popen(
-                    # Without -P a module in the folder where Blender was started would come first.
-                    [_python(), "-P", "-c", _BOOT, _EXTENSION, str(root), str(folder), str(cache_folder())],
-                    stdin=subprocess.DEVNULL,
-                    stdout=log,
-                    stderr=log,
-                    env=_environment(),
-                    creationflags=flags,
-                )
+                self._process = beside.start("worker", [str(folder), str(cache_folder())], log)
         except OSError as error:
             raise InputError(f"Live Focus does not start: {error}; use Process instead.") from error
-
-
-def _python() -> str:
-    """Return the Python that Blender brings."""
-    if Path(sys.executable).stem.lower().startswith("python"):
-        return sys.executable
-    names = ("bin/python.exe",) if sys.platform == "win32" else (f"bin/python3.{sys.version_info.minor}",)
-    for name in names:
-        if (Path(sys.prefix) / name).is_file():
-            return str(Path(sys.prefix) / name)
-    raise InputError("Live Focus does not find Blender's Python; use Process instead.")
-
-
-def _environment() -> dict[str, str]:
-    """Return what lets a worker find the packages that Blender finds."""
-    folders: list[str] = []
-    for name in _NEEDED:
-        # Nothing is imported here: that would take the better part of a second.
-        spec = importlib.util.find_spec(name)
-        if spec is not None and spec.origin:
-            place = Path(spec.origin).parent
-            folder = str(place.parent if Path(spec.origin).stem == "__init__" else place)
-            if folder not in folders:
-                folders.append(folder)
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(folders), "PYTHONDONTWRITEBYTECODE": "1"}
 
 
 def _remove_abandoned() -> None:
