@@ -16,14 +16,14 @@ _EXTENSION = __package__.rpartition(".")[0]
 
 _BOOT = """
 import importlib, sys, types
-package, root, module, *arguments = sys.argv[1:]
+package, root, main, *arguments = sys.argv[1:]
 name = ""
 for part in package.split("."):
     name = f"{name}.{part}".lstrip(".")
     sys.modules[name] = module = types.ModuleType(name)
     module.__path__ = []
 module.__path__.append(root)
-raise SystemExit(importlib.import_module(f"{package}.potmesil_addon.{module}").main(arguments))
+raise SystemExit(importlib.import_module(f"{package}.potmesil_addon.{main}").main(arguments))
 """
 """Runs a module of the core in a package of the same name as inside Blender, without the package's rest.
 

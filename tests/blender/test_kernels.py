@@ -1,0 +1,32 @@
+"""Kernels are compiled for a picture by a second process too, into the folder that all use."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+
+def test_the_second_process_compiles_what_a_picture_needs(
+    scene: Any, module: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert bpy.ops.potmesil.render() == {"FINISHED"}
+    kernels, beside = module("operators.kernels"), module("operators.beside")
+    # A folder without kernels, of which nothing has been read into this process.
+    monkeypatch.setattr(kernels, "cache_folder", lambda: tmp_path / "kernels")
+    started = []
+    start = beside.start
+    monkeypatch.setattr(beside, "start", lambda *arguments: started.append(start(*arguments)))
+    values = module("operators.process").settings_values(bpy.context)
+    kernels.compile_beside(module("operators.export").samples_path(scene), values)
+    assert not started
+    kernels._help("some kernel")
+    kernels._help("another one")
+    (process,) = started
+    assert process.wait(timeout=300.0) == 0
+    names = {path.name.split("-")[0] for path in (tmp_path / "kernels").rglob("*.nbi")}
+    assert "scatter._scatter_bands" in names
+    assert "fragments._add_roots" in names
