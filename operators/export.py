@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import tempfile
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 
 import bpy
@@ -43,7 +43,7 @@ def refuse_errors(scene: bpy.types.Scene) -> tuple[Finding, ...]:
     return findings
 
 
-def borrow_for_render(borrowed: Borrowed, scene: bpy.types.Scene) -> None:
+def borrow_for_render(borrowed: Borrowed, scene: bpy.types.Scene, *, compositing: bool = False) -> None:
     """Change, until they are given back, the settings that a samples file needs otherwise.
 
     Parameters
@@ -52,13 +52,16 @@ def borrow_for_render(borrowed: Borrowed, scene: bpy.types.Scene) -> None:
         Remembers what the settings were.
     scene : Scene
         A scene with a camera.
+    compositing : bool
+        Leave the compositor and the sequencer as they are.
     """
     render = scene.render
     borrowed.set(render, "use_motion_blur", False)
     borrowed.set(render, "use_multiview", False)
     borrowed.set(scene.camera.data.dof, "use_dof", False)
-    borrowed.set(render, "use_compositing", False)
-    borrowed.set(render, "use_sequencer", False)
+    if not compositing:
+        borrowed.set(render, "use_compositing", False)
+        borrowed.set(render, "use_sequencer", False)
     for layer in scene.view_layers:
         if layer.use:
             borrowed.set(layer, "use_pass_combined", True)
@@ -131,7 +134,7 @@ def export_samples(
     kernels.use_user_cache()
     # Blender's start-up would pay for OpenEXR's and numba's import if these stood above.
     from ..potmesil_addon import exr  # noqa: PLC0415
-    from ..potmesil_addon.process import scaled  # noqa: PLC0415
+    from ..potmesil_addon.progress import scaled  # noqa: PLC0415
 
     refuse_errors(scene)
     with (
@@ -160,19 +163,56 @@ def export_samples(
                 prepare(own)
                 yield from scaled(render(), start, share)
                 companions[suffix] = Path(folder) / f"companion_{len(companions)}.exr"
-                _save_render(scene, companions[suffix])
+                save_render(scene, companions[suffix])
             start += share
         yield from scaled(render(), start, share)
         rendered = Path(folder) / "render.exr"
-        _save_render(scene, rendered)
-        attributes = exr.camera_attributes(motion.camera, motion.lens, motion.shutter)
-        attributes["potmesil:motion"] = motion.paths.to_json()
-        if supersampling(scene) > 1:
-            attributes["potmesil:supersampling"] = supersampling(scene)
-        if pixel_variance is not None:
-            filters = {"pixel_variance": pixel_variance, "sample_variance": sample_variance}
-            attributes["potmesil:filter"] = json.dumps(filters)
-        exr.annotate(rendered, path, attributes, companions, margins)
+        save_render(scene, rendered)
+        filters = (pixel_variance, sample_variance)
+        annotate_render(scene, rendered, path, motion, filters, companions, margins)
+
+
+def annotate_render(
+    scene: bpy.types.Scene,
+    rendered: Path,
+    path: Path,
+    motion: SampledMotion,
+    variances: tuple[float | None, float | None],
+    companions: Mapping[str, Path] | None = None,
+    margins: tuple[int, int] = (0, 0),
+) -> None:
+    """Make a samples file of a saved render.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene, set up for samples.
+    rendered : Path
+        Its saved render.
+    path : Path
+        The samples file; written whole or not at all.
+    motion : SampledMotion
+        Its camera, and what moves.
+    variances : tuple of float or None
+        Of the pixel filter that is wanted, and of the one that the samples were rendered with.
+    companions, margins
+        Other views, and overscan: see `exr.annotate`.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    from ..potmesil_addon import exr  # noqa: PLC0415 - see kernels
+
+    attributes = exr.camera_attributes(motion.camera, motion.lens, motion.shutter)
+    attributes["potmesil:motion"] = motion.paths.to_json()
+    if supersampling(scene) > 1:
+        attributes["potmesil:supersampling"] = supersampling(scene)
+    if variances[0] is not None:
+        filters = {"pixel_variance": variances[0], "sample_variance": variances[1]}
+        attributes["potmesil:filter"] = json.dumps(filters)
+    exr.annotate(rendered, path, attributes, companions, margins)
 
 
 def uses_coverages(scene: bpy.types.Scene) -> bool:
@@ -241,7 +281,7 @@ class _CameraVisibility:
                 item.visible_camera = now[item.name_full]
 
 
-def _save_render(scene: bpy.types.Scene, path: Path) -> None:
+def save_render(scene: bpy.types.Scene, path: Path) -> None:
     """Save the Render Result as a float multilayer EXR.
 
     Raises

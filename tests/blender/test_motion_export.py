@@ -763,7 +763,7 @@ def test_every_setting_is_given_back(scene: Any, exported: Any, module: Any, mon
     assert (layer.stationary.object_index == 5).all()
     assert settings() == before
     export = module("operators.export")
-    monkeypatch.setattr(export, "_save_render", lambda *_: 1 / 0)
+    monkeypatch.setattr(export, "save_render", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         exported()
     assert settings() == before
