@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import bpy
 
-from . import command, live, process, render, setup_passes
+from . import command, composite, job, live, process, render, setup_passes, stage, stage_engine
 
 CLASSES = (
     setup_passes.POTMESIL_OT_setup_passes,
     render.POTMESIL_OT_render,
-    render.POTMESIL_OT_watch_render,
+    job.POTMESIL_OT_watch_render,
     process.POTMESIL_OT_process,
+    composite.POTMESIL_OT_composite,
+    composite.POTMESIL_OT_render_animation,
+    stage.POTMESIL_OT_add_stage,
+    stage.POTMESIL_OT_remove_stage,
+    stage_engine.PotmesilStageEngine,
     live.POTMESIL_OT_live,
     live.POTMESIL_OT_end_live,
 )
@@ -23,12 +28,14 @@ def register() -> None:
     global _command_handle  # noqa: PLW0603 - Blender's handle is needed to unregister
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    stage_engine.register()
     _command_handle = bpy.utils.register_cli_command(command.NAME, command.main)
 
 
 def unregister() -> None:
     """Unregister the command and the operators."""
     live.shut_down()
+    stage_engine.unregister()
     bpy.utils.unregister_cli_command(_command_handle)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -46,3 +46,79 @@ def view_layer_denoises(view_layer: bpy.types.ViewLayer) -> bool:
     """Return whether Cycles denoises a view layer, as far as the layer itself decides it."""
     cycles = getattr(view_layer, "cycles", None)
     return bool(getattr(cycles, "use_denoising", True))
+
+
+def compositor_tree(scene: bpy.types.Scene) -> Any:
+    """Return a scene's compositor tree, or None where it has none."""
+    # Blender 5.0 made it a node group like any other.
+    if hasattr(scene, "compositing_node_group"):
+        return scene.compositing_node_group
+    return scene.node_tree
+
+
+def make_compositor_tree(scene: bpy.types.Scene) -> Any:
+    """Give a scene that has none a compositor tree that shows the render as it is.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+
+    Returns
+    -------
+    NodeTree
+        The tree: a Render Layers node and an output.
+    """
+    if hasattr(scene, "compositing_node_group"):
+        tree = scene.compositing_node_group or bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        scene.compositing_node_group = tree
+        if not tree.interface.items_tree:
+            tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        output = tree.nodes.new("NodeGroupOutput")
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()  # from 4.5 on, Blender itself may have put the same nodes there
+        output = tree.nodes.new("CompositorNodeComposite")
+    layer = tree.nodes.new("CompositorNodeRLayers")
+    layer.scene = scene
+    output.location.x = 400.0
+    tree.links.new(layer.outputs["Image"], output.inputs[0])
+    return tree
+
+
+def remove_compositor_tree(scene: bpy.types.Scene) -> None:
+    """Take away what `make_compositor_tree` gave."""
+    if hasattr(scene, "compositing_node_group"):
+        tree = scene.compositing_node_group
+        scene.compositing_node_group = None
+        if not tree.users:
+            bpy.data.node_groups.remove(tree)
+    else:
+        scene.node_tree.nodes.clear()
+
+
+def compositor_switches(scene: bpy.types.Scene) -> tuple[tuple[str, str, bool], ...]:
+    """Return what else has to be on for the compositor to run: what it is in, its name, its value."""
+    if hasattr(scene, "compositing_node_group"):
+        return ()
+    return (("", "use_nodes", True),)
+
+
+def new_interface_socket(tree: Any, socket: Any, direction: str) -> None:
+    """Give a node group's interface a socket of the same name and kind as a socket of a node.
+
+    Parameters
+    ----------
+    tree : NodeTree
+        The group's tree.
+    socket : NodeSocket
+        The socket.
+    direction : {"INPUT", "OUTPUT"}
+        Into the group or out of it.
+    """
+    kinds = {"RGBA": "NodeSocketColor", "VALUE": "NodeSocketFloat", "VECTOR": "NodeSocketVector"}
+    item = tree.interface.new_socket(socket.name, in_out=direction, socket_type=kinds[socket.type])
+    if socket.name == "Vector":
+        # To the frame before and to the one after.
+        item.dimensions = 4

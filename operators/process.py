@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Generator, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import bpy
 
 from ..potmesil_addon.shutter import ShutterAttributes, Slit
 from . import kernels
+from .composite import composite, refuse_unready
 from .export import samples_path
 from .result import ERROR_NAME, GUESSED_NAME, show_result, store_map, store_result
 from .scene import evaluated_camera, scene_exposure, scene_lens
+from .stage import stage_scene
 from .work import SteppedOperator
 
 if TYPE_CHECKING:
     from ..potmesil_addon.process import ProcessSettings
+    from ..potmesil_addon.samples import Float32Array
+
+T = TypeVar("T")
+
+_PROCESS_SHARE = 0.8
+"""Share of the progress bar for processing; the rest is the compositor."""
 
 
 class POTMESIL_OT_process(SteppedOperator, bpy.types.Operator):
@@ -28,9 +37,43 @@ class POTMESIL_OT_process(SteppedOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def steps(self, context: bpy.types.Context, *, interactive: bool) -> Iterator[float]:
-        """Process the samples of the current frame."""
-        del interactive
-        yield from process_samples(context, samples_path(context.scene))
+        """Process the samples of the current frame, and let the compositor see the picture."""
+        yield from picture_steps(context, samples_path(context.scene), self if interactive else None)
+
+
+def picture_steps(
+    context: bpy.types.Context, path: Path, operator: SteppedOperator | None
+) -> Iterator[float]:
+    """Process a samples file, and run the compositor where the scene has a stage.
+
+    Parameters
+    ----------
+    context : Context
+        Its scene's camera and settings are used.
+    path : Path
+        The samples file of the current frame.
+    operator : SteppedOperator or None
+        Whose step this is, where Blender's window is to stay free.
+
+    Yields
+    ------
+    float
+        Share of the work done.
+
+    Raises
+    ------
+    PotmesilError
+        If the file or a setting is wrong.
+    """
+    scene = context.scene
+    if stage_scene(scene) is None:
+        yield from process_samples(context, path)
+        return
+    refuse_unready(scene)
+    for done in process_samples(context, path):
+        yield _PROCESS_SHARE * done
+    for done in composite(scene, operator):
+        yield _PROCESS_SHARE + (1.0 - _PROCESS_SHARE) * done
 
 
 def process_samples(context: bpy.types.Context, path: Path) -> Iterator[float]:
@@ -55,20 +98,104 @@ def process_samples(context: bpy.types.Context, path: Path) -> Iterator[float]:
     """
     kernels.use_user_cache()
     from ..potmesil_addon import exr  # noqa: PLC0415 - see kernels
-    from ..potmesil_addon.process import process, scaled  # noqa: PLC0415
+    from ..potmesil_addon.preview import settings_from_json  # noqa: PLC0415
+    from ..potmesil_addon.process import process  # noqa: PLC0415
+    from ..potmesil_addon.progress import scaled  # noqa: PLC0415
 
-    settings = process_settings(context)
+    values = settings_values(context)
+    settings = settings_from_json(values)
+    kernels.compile_beside(path, values)
     yield 0.0
+    stamp = _stamp(path)
     samples = exr.read_samples(path)
     yield 0.1
-    result = yield from scaled(process(samples, settings), 0.1, 0.9)
-    show_result(context, store_result(result.picture))
+    result = yield from scaled(by_turns(process(samples, settings)), 0.1, 0.9)
+    image = store_result(result.picture)
+    _Last.picture = None
+    if stage_scene(context.scene) is None:
+        show_result(context, image)
+    elif len(samples.layers) == 1:
+        _Last.key, _Last.picture = (stamp, values, samples.layers[0].name), result.picture
     if context.scene.potmesil_camera.use_quality_maps:
         store_map(ERROR_NAME, result.predicted_error)
         store_map(GUESSED_NAME, result.guessed)
     state, quality = context.window_manager.potmesil_camera, result.report["quality"]
     state.guessed_pixels, state.expected_error = quality["guessed_pixels"], quality["predicted_error"]
     state.has_quality = True
+
+
+class _Last:
+    """The last picture that was processed for a stage, which composites it next."""
+
+    key: Any = None
+    picture: Float32Array | None = None
+
+
+def known_picture(path: Path, values: dict[str, Any], layer: str) -> Float32Array | None:
+    """Return the picture that a view layer's samples were made into last, if nothing has changed since.
+
+    Parameters
+    ----------
+    path : Path
+        The samples file.
+    values : dict
+        The settings, see `scene_settings`.
+    layer : str
+        The view layer.
+
+    Returns
+    -------
+    ndarray of float32 of shape (rows, columns, 4) or None
+        The picture, row 0 on top.
+    """
+    return _Last.picture if _Last.key == (_stamp(path), values, layer) else None
+
+
+def _stamp(path: Path) -> tuple[str, int, int] | None:
+    """Return what tells a file from what stood in its place before."""
+    try:
+        facts = path.stat()
+    except OSError:
+        return None
+    return str(path), facts.st_mtime_ns, facts.st_size
+
+
+_turns: dict[str, object] = {}
+
+
+def by_turns(steps: Generator[float, None, T]) -> Generator[float, None, T]:
+    """Run processors so that another run of them, in a render's thread, goes on only between two steps.
+
+    Numba ends Blender where two threads run its kernels at a time.
+
+    Parameters
+    ----------
+    steps : generator
+        Yields progress, returns a result.
+
+    Yields
+    ------
+    float
+        The same progress.
+
+    Returns
+    -------
+    object
+        The same result.
+    """
+    token = object()
+    while True:
+        # One thread at a time gets through this, as Python guards dictionaries.
+        while _turns.setdefault("turn", token) is not token:
+            time.sleep(0.001)
+        try:
+            done = next(steps)
+        except StopIteration as stop:
+            result: T = stop.value
+            return result
+        finally:
+            del _turns["turn"]
+        yield done
 
 
 def process_settings(context: bpy.types.Context) -> ProcessSettings:
@@ -90,9 +217,31 @@ def settings_values(context: bpy.types.Context) -> dict[str, Any]:
     InputError
         If the scene has no camera.
     """
-    scene = context.scene
+    return scene_settings(context.scene, context.evaluated_depsgraph_get())
+
+
+def scene_settings(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> dict[str, Any]:
+    """Return the settings of a scene as plain values.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    graph : Depsgraph
+        What it was evaluated into.
+
+    Returns
+    -------
+    dict
+        For `preview.settings_from_json`.
+
+    Raises
+    ------
+    InputError
+        If the scene has no camera.
+    """
     own = scene.potmesil_camera
-    lens = scene_lens(evaluated_camera(scene, context.evaluated_depsgraph_get()))
+    lens = scene_lens(evaluated_camera(scene, graph))
     return {
         "use_lens": own.use_lens,
         "use_motion": own.use_motion,

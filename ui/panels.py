@@ -8,6 +8,7 @@ import bpy
 
 from ..operators import compat
 from ..operators import scene as adapter
+from ..operators.stage import stage_scene
 from ..potmesil_addon.errors import PotmesilError
 from ..potmesil_addon.lens import depth_of_field
 from ..potmesil_addon.preflight import check_scene
@@ -55,6 +56,8 @@ class POTMESIL_PT_camera(_CameraPanel, bpy.types.Panel):
         row.enabled = not state.running
         row.operator("potmesil.render", icon="RENDER_STILL")
         row.operator("potmesil.process", icon="FILE_REFRESH")
+        if _has_stage(scene):
+            _composite(layout, context)
         _live(layout, context)
         if state.error:
             _sentence(layout, context, state.error, "CANCEL")
@@ -218,6 +221,49 @@ class POTMESIL_PT_samples(_CameraPanel, bpy.types.Panel):
             box.operator("potmesil.setup_passes", icon="RENDERLAYERS")
 
 
+class POTMESIL_PT_stage(_CameraPanel, bpy.types.Panel):
+    """Whether the compositor sees the processed picture."""
+
+    bl_label = "Compositor"
+    bl_parent_id = "POTMESIL_PT_camera"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the buttons that add and remove the stage."""
+        _stage(self.layout, context)
+
+
+class POTMESIL_PT_compositor(bpy.types.Panel):
+    """The stage, beside the tree that it is in."""
+
+    bl_label = "Potmesil Camera"
+    bl_space_type = "NODE_EDITOR"
+    bl_region_type = "UI"
+    bl_category = "Potmesil"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Show in the compositor only."""
+        return bool(context.space_data.tree_type == "CompositorNodeTree")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the buttons, the progress, and the last error."""
+        layout = self.layout
+        state = context.window_manager.potmesil_camera
+        if state.running:
+            layout.progress(factor=state.progress, text="Working (Esc to Cancel)")
+        row = layout.row(align=True)
+        row.scale_y = 1.4
+        row.enabled = not state.running
+        row.operator("potmesil.render", icon="RENDER_STILL")
+        row.operator("potmesil.process", icon="FILE_REFRESH")
+        if _has_stage(context.scene):
+            _composite(layout, context)
+        _stage(layout, context)
+        if state.error:
+            _sentence(layout, context, state.error, "CANCEL")
+
+
 class POTMESIL_PT_collection(bpy.types.Panel):
     """What the extension does with a collection."""
 
@@ -280,6 +326,38 @@ class POTMESIL_PT_image(bpy.types.Panel):
         column.active = own.use_motion
         column.prop(scene.render, "motion_blur_position", text="Position")
         column.prop(scene.render, "motion_blur_shutter", text="Shutter")
+
+
+def _has_stage(scene: bpy.types.Scene) -> bool:
+    """Return whether a scene's compositor sees the processed picture."""
+    return stage_scene(scene) is not None
+
+
+def _composite(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw what runs the compositor, for the frame and for all frames."""
+    state = context.window_manager.potmesil_camera
+    column = layout.column(align=True)
+    column.enabled = not state.running
+    column.operator("potmesil.composite", icon="NODE_COMPOSITING")
+    column.operator("potmesil.composite", text="Composite Animation", icon="SEQUENCE").animation = True
+    column.operator("potmesil.render_animation", icon="RENDER_ANIMATION")
+
+
+def _stage(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the buttons that add, update and remove the stage."""
+    scene = context.scene
+    state = context.window_manager.potmesil_camera
+    row = layout.row(align=True)
+    row.enabled = not state.running
+    if not _has_stage(scene):
+        row.operator("potmesil.add_stage", icon="ADD")
+        return
+    row.operator("potmesil.add_stage", text="Update Stage", icon="FILE_REFRESH")
+    row.operator("potmesil.remove_stage", icon="X")
+    if not scene.render.use_compositing:
+        _sentence(layout, context, "Compositing is off in the output's post processing.", "ERROR")
+    if not scene.render.use_lock_interface:
+        _sentence(layout, context, "Turn Render > Lock Interface on: renders follow what moves.", "ERROR")
 
 
 def _live(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -394,6 +472,8 @@ CLASSES = (
     POTMESIL_PT_shutter_curve,
     POTMESIL_PT_printer,
     POTMESIL_PT_samples,
+    POTMESIL_PT_stage,
+    POTMESIL_PT_compositor,
     POTMESIL_PT_collection,
     POTMESIL_PT_image,
 )

@@ -232,6 +232,13 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
 
+    stage_of: bpy.props.PointerProperty(
+        name="Stage Of",
+        description="The scene whose processed picture this one hands to the compositor",
+        type=bpy.types.Scene,
+        options={"HIDDEN"},
+    )
+
 
 class PotmesilCollectionSettings(bpy.types.PropertyGroup):
     """What is saved with a collection."""

@@ -32,15 +32,18 @@ def test_no_policy_is_violated(extension: ModuleType) -> None:
 
 
 def test_disable_takes_all_out_and_enable_brings_it_back(extension: ModuleType) -> None:
-    handlers = {name: len(value) for name, value in _handler_lists()}
+    handlers = _handlers()
     addon_utils.disable(PACKAGE)
     assert not _registered()
     assert not hasattr(bpy.types, "POTMESIL_PT_camera")
     assert not hasattr(bpy.context.scene, "potmesil_camera")
     assert not hasattr(bpy.context.window_manager, "potmesil_camera")
-    assert {name: len(value) for name, value in _handler_lists()} == handlers
+    others = [each for each in handlers if not each[1].startswith(PACKAGE)]
+    assert len(others) < len(handlers)
+    assert _handlers() == others
     addon_utils.enable(PACKAGE)
     assert _registered()
+    assert sorted(_handlers()) == sorted(handlers)
     assert hasattr(bpy.context.scene, "potmesil_camera")
 
 
@@ -49,7 +52,18 @@ def test_shipped_core_is_the_installed_one(extension: ModuleType) -> None:
     assert Path(core.__file__).is_relative_to(Path(extension.__file__).parent)
 
 
-@pytest.mark.parametrize("name", ["render", "process", "setup_passes"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "render",
+        "process",
+        "setup_passes",
+        "add_stage",
+        "remove_stage",
+        "composite",
+        "render_animation",
+    ],
+)
 def test_operators_have_blenders_manners(extension: ModuleType, name: str) -> None:
     operator = getattr(bpy.ops.potmesil, name).get_rna_type()
     assert operator.name == operator.name.title()
@@ -71,9 +85,12 @@ def test_properties_have_tooltips_without_a_full_stop(module: Any, module_name: 
             assert not tooltip.endswith("."), prop_name
 
 
-def _handler_lists() -> list[tuple[str, list[object]]]:
+def _handlers() -> list[tuple[str, str]]:
+    """Return every handler's list and module."""
+    lists = {name: getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers)}
     return [
-        (name, getattr(bpy.app.handlers, name))
-        for name in dir(bpy.app.handlers)
-        if isinstance(getattr(bpy.app.handlers, name), list)
+        (name, getattr(function, "__module__", ""))
+        for name, functions in lists.items()
+        if isinstance(functions, list)
+        for function in functions
     ]

@@ -104,6 +104,7 @@ def pixels() -> list[float]:
 def story() -> Iterator[float]:
     """What the hand does; each number is a pause in seconds."""
     prepare()
+    at_rest = render_handlers()
     yield 1.0
     area("PROPERTIES").spaces.active.context = "DATA"
     yield 1.5
@@ -140,8 +141,15 @@ def story() -> Iterator[float]:
     yield from live_focus()
     for part in (live_sidebar, live_undo, live_scenes, live_render, live_window, live_extension):
         yield from guarded(part())
+    yield from guarded(stage())
     yield from cancelled_render()
+    SEEN["handlers"] = render_handlers() - at_rest
     yield from guarded(live_file())
+
+
+def render_handlers() -> int:
+    """Return how many handlers wait for a render's end."""
+    return len(bpy.app.handlers.render_complete) + len(bpy.app.handlers.render_cancel)
 
 
 def guarded(steps: Iterator[float]) -> Iterator[float]:
@@ -535,6 +543,122 @@ def live_file() -> Iterator[float]:
     SEEN["live"]["at_quit"] = workers()
 
 
+def stage() -> Iterator[float]:
+    """Put a stage into the compositor and render through it: by F12, by the panel, by Esc; remove it."""
+    scene = bpy.context.scene
+    seen = SEEN["stage"] = {}
+    scene.cycles.samples = 16
+    dof = scene.camera.data.dof
+    dof.focus_distance, dof.aperture_fstop = 4.0, 0.05
+    editor = area("IMAGE_EDITOR")
+    editor.ui_type = "CompositorNodeTree"
+    tree = artists_tree(scene)
+    before = links(tree)
+    with bpy.context.temp_override(window=window(), area=editor, region=editor.regions[-1]):
+        bpy.ops.potmesil.add_stage("INVOKE_DEFAULT")
+    editor.spaces.active.show_region_ui = True
+    sidebar = next(r for r in editor.regions if r.type == "UI")
+    yield 1.0
+    sidebar.active_panel_category = "Potmesil"
+    canvas = next(r for r in editor.regions if r.type == "WINDOW")
+    with bpy.context.temp_override(window=window(), area=editor, region=canvas):
+        bpy.ops.node.view_all()
+    yield 1.0
+    shot("stage")
+    middle = canvas.x + canvas.width // 3, canvas.y + canvas.height // 3
+    event("MOUSEMOVE", "NOTHING", middle[0] - 9, middle[1])
+    event("MOUSEMOVE", "NOTHING", *middle)
+    event("F12", "PRESS", *middle)
+    event("F12", "RELEASE", *middle)
+    yield from wait(lambda: bpy.app.is_job_running("RENDER"), 20.0)
+    yield from wait(lambda: not bpy.app.is_job_running("RENDER"), 300.0)
+    yield 1.0
+    seen["f12"] = composited(scene)
+    seen["error"] = state().error
+    shot("stage_f12")
+    yield from pressed("process")
+    seen["process"] = composited(scene)
+    result = bpy.data.images["Potmesil Result"]
+    seen["processed"] = 1.0 - sum(result.pixels[0::4]) / (result.size[0] * result.size[1])
+    dof.focus_distance = 20.0
+    yield from pressed("composite")
+    seen["composite"] = composited(scene)
+    yield from pressed("render")
+    seen["render"] = [composited(scene), state().error]
+    scene.cycles.samples = 100_000
+    yield from pressed("render_animation", escape=middle)
+    seen["render_animation"] = state().error
+    seen["muted"] = [node.name for node in tree.nodes if node.mute]
+    scene.cycles.samples = 4
+    with bpy.context.temp_override(window=window(), area=area("PROPERTIES")):
+        bpy.ops.potmesil.remove_stage("INVOKE_DEFAULT")
+    yield 1.0
+    shot("stage_removed")
+    seen["links_back"] = links(tree) == before
+    seen["scenes"] = bpy.data.scenes.keys()
+    editor.ui_type = "IMAGE_EDITOR"
+    scene.render.use_compositing = False
+
+
+def pressed(operator: str, escape: tuple[int, int] | None = None) -> Iterator[float]:
+    """Start an operator of ours as its button does, and wait for its end; or press Esc while it renders."""
+    with bpy.context.temp_override(window=window(), area=area("PROPERTIES")):
+        getattr(bpy.ops.potmesil, operator)("INVOKE_DEFAULT")
+    if escape is not None:
+        yield from wait(lambda: bpy.app.is_job_running("RENDER"), 10.0)
+        yield 1.0
+        event("ESC", "PRESS", *escape)
+        event("ESC", "RELEASE", *escape)
+    yield from wait(lambda: not state().running, 120.0)
+    yield 0.5
+
+
+def artists_tree(scene: Any) -> Any:
+    """Make a compositor tree: an inverted picture through a reroute, and one that is seen in a Viewer."""
+    if hasattr(scene, "compositing_node_group"):
+        tree = bpy.data.node_groups.new("Grade", "CompositorNodeTree")
+        scene.compositing_node_group = tree
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        output = tree.nodes.new("NodeGroupOutput")
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+        output = tree.nodes.new("CompositorNodeComposite")
+    layers, reroute, invert, viewer = (
+        tree.nodes.new(name)
+        for name in ("CompositorNodeRLayers", "NodeReroute", "CompositorNodeInvert", "CompositorNodeViewer")
+    )
+    for node, x, y in ((reroute, 330, -60), (invert, 420, 60), (output, 680, 60), (viewer, 420, -160)):
+        node.location = x, y
+    color = next(socket for socket in invert.inputs if socket.type == "RGBA")
+    for start, end in ((layers, reroute.inputs[0]), (reroute, color), (invert, output.inputs[0])):
+        tree.links.new(start.outputs[0], end)
+    tree.links.new(reroute.outputs[0], viewer.inputs[0])
+    return tree
+
+
+def links(tree: Any) -> list[list[str]]:
+    """Return what is connected with what."""
+    return sorted(
+        [link.from_node.name, link.from_socket.name, link.to_node.name, link.to_socket.name]
+        for link in tree.links
+    )
+
+
+def composited(scene: Any) -> float:
+    """Return the mean of red over what the compositor made."""
+    path = str(FOLDER / "composited.exr")
+    settings = scene.render.image_settings
+    settings.file_format, settings.color_depth = "OPEN_EXR", "32"
+    bpy.data.images["Render Result"].save_render(path, scene=scene)
+    settings.file_format, settings.color_depth = "PNG", "8"
+    image = bpy.data.images.load(path)
+    mean = sum(image.pixels[0::4]) / (image.size[0] * image.size[1])
+    bpy.data.images.remove(image)
+    return float(mean)
+
+
 def cancelled_render() -> Iterator[float]:
     """Start a render that would take minutes, and press ESC."""
     scene = bpy.context.scene
@@ -551,7 +675,6 @@ def cancelled_render() -> Iterator[float]:
     event("ESC", "RELEASE", region.x + 70, region.y + 70)
     yield from wait(lambda: not state().running, 20.0)
     SEEN["given_back"] = scene.render.use_motion_blur and scene.camera.data.dof.use_dof
-    SEEN["handlers"] = len(bpy.app.handlers.render_complete) + len(bpy.app.handlers.render_cancel)
     SEEN["result_kept"] = pixels() == before
     SEEN["file_format"] = scene.render.image_settings.file_format
 

@@ -198,6 +198,25 @@ def test_live_focus_ends_with_blender(seen: dict[str, Any]) -> None:
         assert not state.exists() or state.read_text().rpartition(")")[2].split()[0] == "Z"
 
 
+def test_the_compositor_sees_the_processed_picture(seen: dict[str, Any]) -> None:
+    stage = seen["stage"]
+    assert seen["errors"] == []
+    assert stage["error"] == ""
+    # By hand and by Process the same picture, inverted; focused elsewhere another one.
+    assert stage["f12"] == pytest.approx(stage["processed"], abs=0.01)
+    assert stage["process"] == pytest.approx(stage["processed"], abs=2e-3)
+    assert abs(stage["composite"] - stage["process"]) > 1e-4
+    assert stage["render"][0] == pytest.approx(stage["composite"], abs=0.01)
+
+
+def test_escape_ends_an_animation_and_the_stage_goes_without_a_trace(seen: dict[str, Any]) -> None:
+    stage = seen["stage"]
+    assert stage["render_animation"] == ""
+    assert stage["muted"] == []
+    assert stage["links_back"]
+    assert not [name for name in stage["scenes"] if name.startswith("Potmesil")]
+
+
 def test_escape_cancels_the_render_and_gives_everything_back(seen: dict[str, Any]) -> None:
     assert seen["borrowed"]
     assert seen["given_back"]
@@ -220,6 +239,9 @@ def test_escape_cancels_the_render_and_gives_everything_back(seen: dict[str, Any
         "live",
         "live_note",
         "live_sidebar",
+        "stage",
+        "stage_f12",
+        "stage_removed",
     ],
 )
 def test_window_is_drawn(seen: dict[str, Any], name: str) -> None:
