@@ -21,7 +21,6 @@ from .motion import Motion, expose_part, instant_layer, instants_for
 from .progress import scaled
 from .samples import Float32Array, SampleLayer
 from .shutter import Shutter
-from .tracks import Mask
 from .visibility import brightness_of_lights
 from .warp import NO_QUAD, NO_TRACK, QUAD, VECTOR_TRACK, Sheets, expose
 
@@ -35,8 +34,8 @@ _SHORTEST_PART: Final = 2.0
 _LONGEST_PART: Final = 8.0
 """Steps of a path below which there are fewer parts, and from which there are more."""
 
-_FEW: Final = 4
-"""Samples along rows and columns of which one is asked how its depth changes."""
+_ONE_OF: Final = 16
+"""Moving samples of which one is asked how its depth changes."""
 
 _LEAST_RATIO: Final = 1e-3
 """Least depth over that in the frame; what comes nearer passes the camera."""
@@ -94,7 +93,8 @@ def cascade(motion: Motion, layer: SampleLayer, focus: FocusSettings) -> Generat
     """
     samples = replace(motion.samples, data_window=motion.samples.display_window, position="center")
     instants = instants_for(_steps(motion, focus))
-    # Without visibility, weights are those of samples that stand alone: see eq. 22's sum of them.
+    # Eq. 22 divides by the weights of all samples that reach a pixel, and a blurred trace has more samples
+    # than the thing that left it: without visibility each instant is focused by itself.
     wanted = _part_count(motion, focus) if focus.visibility == "aperture" else instants
     parts = parts_of(motion.settings.shutter, min(wanted, instants))
     filler = None
@@ -165,25 +165,26 @@ def _part_count(motion: Motion, focus: FocusSettings) -> int:
     """
     if motion.settings.shutter.blade_time > 0.0:
         return 2 * _PARTS
-    few = np.zeros_like(motion.sheets.track, dtype=bool)
-    few[:, ::_FEW, ::_FEW] = motion.sheets.track[:, ::_FEW, ::_FEW] != NO_TRACK
-    begin, end = _depths(motion, few, 0.0), _depths(motion, few, 1.0)
-    there = np.concatenate([begin, end])
-    extremes = [there.min(initial=np.inf), there.max(initial=0.0)]
+    some = np.flatnonzero(motion.sheets.track != NO_TRACK)[::_ONE_OF]
+    begin, end = _depths(motion, some, 0.0), _depths(motion, some, 1.0)
+    inverse_depths = [begin, end]
     if motion.background is not None:
-        extremes += [motion.background.inverse_depth.min(), motion.background.inverse_depth.max()]
-    differ = float(np.ptp(_circles(np.clip(extremes, 0.0, None), focus)))
+        still = motion.background.inverse_depth
+        inverse_depths.append(np.array([still.min(), still.max()], dtype=np.float64))
+    circles = _circles(np.concatenate(inverse_depths), focus)
+    differ = float(np.ptp(circles)) if circles.size else 0.0
     changes = float(np.abs(_circles(begin, focus) - _circles(end, focus)).max(initial=0.0))
     steps = max(_steps(motion, focus), changes)
     wanted = max(min(_PARTS, math.ceil(steps / _SHORTEST_PART)), math.ceil(steps / _LONGEST_PART))
     return max(1, min(math.ceil(differ), wanted))
 
 
-def _depths(motion: Motion, there: Mask, share: float) -> FloatArray:
-    """Return samples' inverse depths when a share of the light has come in."""
+def _depths(motion: Motion, which: npt.NDArray[np.int64], share: float) -> FloatArray:
+    """Return inverse depths of some of the sheets' samples when a share of the light has come in."""
     sheets = motion.sheets
-    _, row, column = np.nonzero(there)
-    track, inverse_depth = sheets.track[there], sheets.inverse_depth[there].astype(np.float64)
+    _, row, column = np.unravel_index(which, sheets.track.shape)
+    track = sheets.track.reshape(-1)[which]
+    inverse_depth = sheets.inverse_depth.reshape(-1)[which].astype(np.float64)
     # With a slit, matrices are those of all times from the first to the last.
     matrices = motion.schedule(1, share, share).matrices
     matrix = matrices[np.maximum(track, 0), round(share * (matrices.shape[1] - 1)), 2]
@@ -209,7 +210,7 @@ def _seen_during(
 ) -> tuple[SampleLayer, Float32Array]:
     """Return what is seen during a part of the exposure, with its depth half-way, and what was guessed."""
     then, guessed = instant_layer(motion, layer, motion.schedule(1, *part), 0)
-    if instants == 1:
+    if instants == 1 and filler is None:
         return then, guessed
     color, guessed = expose_part(motion, instants, part, filler)
     depth = then.depth
@@ -247,9 +248,10 @@ def _depth_of_lights(
     the part the pixel may well show something else.
     """
     half = 0.5 * (part[0] + part[1])
-    shines = lights.color[0, ..., 1] > 0.0
+    light = lights.color[0].reshape(-1, 4)
+    shines = np.flatnonzero(light[:, 1])
     # Sums of what lights give, times their inverse depth and alone.
-    lights.color[0, ..., 0][shines] = lights.color[0, ..., 1][shines] * _depths(motion, shines, half)
+    light[shines, 0] = light[shines, 1] * _depths(motion, shines, half)
     sums, unseen = np.zeros_like(picture), np.zeros(picture.shape[:2], dtype=np.float32)
     for _ in expose(lights, motion.schedule(instants, *part), None, sums, unseen, motion.settings.backend):
         pass

@@ -266,6 +266,17 @@ def counted_parts(
     return len(focused), picture
 
 
+@pytest.mark.parametrize("size", [1.0, 2.0])
+def test_something_tiny_moves(size: float) -> None:
+    """So few samples that a look at some of all would miss them."""
+    card = Card(pose(lambda t: 40.0 * PX * t), plain((1.0, 0.5, 0.2)), (size * PX, size * PX))
+    result = cascaded(
+        samples_of(Scene((WALL, card))), lens_of(6.0), ShutterAttributes(frames=0.5), "aperture"
+    )
+    assert np.isfinite(result.picture).all()
+    assert result.report["motion"][0]["moving"] > 0.0
+
+
 @pytest.mark.parametrize("name", ["translation", "dolly", "behind a post"])
 def test_lens_that_blurs_nothing_leaves_the_blur_of_motion(name: str) -> None:
     """All circles are below half a pixel: the exposure is one part, and the lens has nothing to add."""
