@@ -23,7 +23,17 @@ ROOT = Path(__file__).resolve().parent.parent
 MANIFEST = "blender_manifest.toml"
 
 # What a zip may hold at its top; anything else means that the manifest's exclusions have a hole.
-SHIPPED = {MANIFEST, "LICENSE", "README.md", "__init__.py", "operators", "potmesil_addon", "ui", "wheels"}
+SHIPPED = {
+    MANIFEST,
+    "LICENSE",
+    "README.md",
+    "__init__.py",
+    "operators",
+    "potmesil_addon",
+    "presets",
+    "ui",
+    "wheels",
+}
 
 # Blender changed from Python 3.11 to 3.13 with this version, so a release's wheels fit one side of it.
 FIRST_CP313 = "5.1.0"

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import bpy
 
-from . import panels, properties
+from . import panels, presets, properties
 
 CLASSES = (
     properties.PotmesilSceneSettings,
     properties.PotmesilCollectionSettings,
     properties.PotmesilState,
+    *presets.CLASSES,
     *panels.CLASSES,
 )
 
@@ -18,6 +19,7 @@ def register() -> None:
     """Register properties and panels."""
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    presets.register()
     bpy.types.Scene.potmesil_camera = bpy.props.PointerProperty(type=properties.PotmesilSceneSettings)
     bpy.types.Collection.potmesil_camera = bpy.props.PointerProperty(
         type=properties.PotmesilCollectionSettings
@@ -30,5 +32,6 @@ def unregister() -> None:
     del bpy.types.WindowManager.potmesil_camera
     del bpy.types.Collection.potmesil_camera
     del bpy.types.Scene.potmesil_camera
+    presets.unregister()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -12,6 +12,7 @@ from ..operators.stage import stage_scene
 from ..potmesil_addon.errors import PotmesilError
 from ..potmesil_addon.lens import depth_of_field
 from ..potmesil_addon.preflight import check_scene
+from . import presets
 
 _ICONS = {"error": "CANCEL", "warning": "ERROR", "note": "INFO"}
 _CURVE_SHAPES = (
@@ -43,6 +44,11 @@ class POTMESIL_PT_camera(_CameraPanel, bpy.types.Panel):
     """Render and Process, and what they say."""
 
     bl_label = "Potmesil Camera"
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        """Draw the menu of lenses and films."""
+        del context
+        presets.POTMESIL_PT_camera_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the buttons, the progress, and the last error."""
@@ -128,6 +134,11 @@ class POTMESIL_PT_shutter(_CameraPanel, bpy.types.Panel):
     def draw_header(self, context: bpy.types.Context) -> None:
         """Draw the switch of the motion processor."""
         self.layout.prop(context.scene.potmesil_camera, "use_motion", text="")
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        """Draw the menu of shutters."""
+        del context
+        presets.POTMESIL_PT_shutter_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw Blender's shutter and what Blender has no setting for."""

@@ -1,0 +1,14 @@
+import bpy
+
+camera = getattr(bpy.context, "camera", None) or bpy.context.scene.camera.data
+settings = bpy.context.scene.potmesil_camera
+
+camera.lens = 80.0
+camera.sensor_fit = "AUTO"
+camera.sensor_width = 56.0
+camera.sensor_height = 56.0
+camera.dof.aperture_fstop = 2.8
+camera.dof.aperture_blades = 5
+camera.dof.aperture_rotation = 0.0
+camera.dof.aperture_ratio = 1.0
+settings.coc_model = "cycles"

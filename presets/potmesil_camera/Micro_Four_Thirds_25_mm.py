@@ -1,0 +1,14 @@
+import bpy
+
+camera = getattr(bpy.context, "camera", None) or bpy.context.scene.camera.data
+settings = bpy.context.scene.potmesil_camera
+
+camera.lens = 25.0
+camera.sensor_fit = "HORIZONTAL"
+camera.sensor_width = 17.3
+camera.sensor_height = 13.0
+camera.dof.aperture_fstop = 1.7
+camera.dof.aperture_blades = 7
+camera.dof.aperture_rotation = 0.0
+camera.dof.aperture_ratio = 1.0
+settings.coc_model = "cycles"

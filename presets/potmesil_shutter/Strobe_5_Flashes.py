@@ -1,0 +1,14 @@
+import bpy
+
+render = bpy.context.scene.render
+settings = bpy.context.scene.potmesil_camera
+
+render.motion_blur_shutter = 1.0
+render.motion_blur_position = "CENTER"
+settings.exposure_count = 5
+settings.exposure_duration = 0.01
+settings.exposure_spacing = 0.2
+settings.shutter_kind = "whole"
+settings.slit_edge = "top"
+settings.slit_width = 0.1
+settings.blade_time = 0.2
