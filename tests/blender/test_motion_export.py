@@ -25,7 +25,7 @@ SCALE = 96.0 * 50.0 / 36.0 / 5.0
 @pytest.fixture
 def sampled(scene: Any, module: Any) -> Callable[[], Any]:
     """Sample the scene's motion."""
-    run = module("potmesil_addon.process").run
+    run = module("potmesil_addon.progress").run
     sample_motion = module("operators.motion").sample_motion
     return lambda: run(sample_motion(scene))
 

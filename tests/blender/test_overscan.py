@@ -34,7 +34,7 @@ def radius(depth: float, fstop: float = 0.05, focus: float = 2.5) -> float:
 
 
 def margins_of(scene: Any, module: Any) -> Any:
-    motion = module("potmesil_addon.process").run(module("operators.motion").sample_motion(scene))
+    motion = module("potmesil_addon.progress").run(module("operators.motion").sample_motion(scene))
     return module("operators.overscan").overscan_margins(scene, motion)
 
 
@@ -88,7 +88,7 @@ def test_the_picture_lies_where_it_lay_without(scene: Any, module: Any, tmp_path
 
 def test_the_margin_is_as_wide_as_things_move(scene: Any, module: Any) -> None:
     turning_scene(scene)
-    run = module("potmesil_addon.process").run
+    run = module("potmesil_addon.progress").run
     margins = run(module("operators.motion").sample_motion(scene)).margins
     # 0.08 radians a frame are 10.7 pixels, the shutter is open for a quarter of a frame on either side.
     assert 4 <= margins[0] <= 6
@@ -107,7 +107,7 @@ def test_a_long_way_is_cut_to_a_quarter(scene: Any, module: Any) -> None:
     turning_scene(scene)
     scene.render.motion_blur_shutter = 2.0
     keyed(scene.camera, "rotation_euler", {0: (np.pi / 2, 0.0, -1.0), 2: (np.pi / 2, 0.0, 1.0)})
-    run = module("potmesil_addon.process").run
+    run = module("potmesil_addon.progress").run
     assert run(module("operators.motion").sample_motion(scene)).margins[0] == 24
 
 

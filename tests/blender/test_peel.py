@@ -35,7 +35,7 @@ def views(scene: Any, module: Any) -> Callable[[], list[set[str]]]:
     """Return what each further view would leave out."""
 
     def find() -> list[set[str]]:
-        motion = module("potmesil_addon.process").run(module("operators.motion").sample_motion(scene))
+        motion = module("potmesil_addon.progress").run(module("operators.motion").sample_motion(scene))
         return [set(names) for names in module("operators.peel").peeled_views(scene, motion)]
 
     return find

@@ -317,7 +317,8 @@ def test_process_says_how_sure_the_result_is(scene: Any, module: Any, tmp_path: 
     assert not {"Potmesil Error", "Potmesil Guessed"} & set(bpy.data.images.keys())
     core = module("potmesil_addon.process")
     samples = module("potmesil_addon.exr").read_samples(tmp_path / "samples_0001.exr")
-    result = core.run(core.process(samples, module("operators.process").process_settings(bpy.context)))
+    settings = module("operators.process").process_settings(bpy.context)
+    result = module("potmesil_addon.progress").run(core.process(samples, settings))
     quality = result.report["quality"]
     assert state.has_quality
     assert quality["guessed_pixels"] > 0.0
