@@ -84,7 +84,7 @@ def own_process(*arguments: object, cwd: Path = ROOT) -> Ended:
         env=importable(),
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=400,
         check=False,
     )
     return Ended(done.returncode, done.stdout, done.stderr)
