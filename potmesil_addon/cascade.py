@@ -40,9 +40,6 @@ _ONE_OF: Final = 16
 _LEAST_RATIO: Final = 1e-3
 """Least depth over that in the frame; what comes nearer passes the camera."""
 
-_LEAST_OPENING: Final = 1e-3
-"""Least opening of a between-the-lens shutter over the full one."""
-
 
 @dataclass(frozen=True, slots=True)
 class Cascaded:
@@ -111,8 +108,7 @@ def cascade(motion: Motion, layer: SampleLayer, focus: FocusSettings) -> Generat
         count = max(1, math.ceil(round(instants * share, 6)))
         then, filled = _seen_during(motion, layer, part, count, filler, lights)
         # The blades of a between-the-lens shutter stop the lens down while they open and close.
-        opening = max(motion.opening(0.5 * (part[0] + part[1])), _LEAST_OPENING)
-        lens = replace(focus.lens, f_stop=focus.lens.f_stop / opening)
+        lens = replace(focus.lens, f_stop=focus.lens.f_stop / motion.opening(0.5 * (part[0] + part[1])))
         turn = n if len(parts) >= _PARTS else None
         steps = focus_layer(then, samples, replace(focus, lens=lens), turn)
         focused = yield from scaled(steps, n / len(parts), 1.0 / len(parts))

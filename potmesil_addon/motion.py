@@ -70,6 +70,9 @@ _SLIT_GRID: Final = 257
 
 _LEAST_SIDE: Final = 2
 
+_LEAST_OPENING: Final = 1e-3
+"""Least opening of a between-the-lens shutter over the full one."""
+
 _PATH_STEPS: Final = 128
 """Pieces in which the path of an object is followed over the shutter's interval."""
 
@@ -184,9 +187,9 @@ class Motion:
         return _schedule(self.samples, self.settings.shutter, self.paths, shares)
 
     def opening(self, share: float) -> float:
-        """Return the aperture's radius over its full one when a share of the light has come in."""
+        """Return the aperture's radius over its full one once a share of the light is in; at least 0.001."""
         shutter = self.settings.shutter
-        return float(shutter.opening(shutter.times(share)))
+        return max(float(shutter.opening(shutter.times(share))), _LEAST_OPENING)
 
 
 def prepare(layer: SampleLayer, samples: Samples, settings: MotionSettings) -> Motion | None:

@@ -327,7 +327,7 @@ class Previewer:
             f_stop = lens.f_stop if lens.f_stop is not None else samples.lens.f_stop
             if f_stop is not None and opening < 1.0:
                 # The blades of a between-the-lens shutter stop the lens down while they open and close.
-                lens = replace(lens, f_stop=f_stop / max(opening, 1e-3))
+                lens = replace(lens, f_stop=f_stop / opening)
             total = total + run(process(moment, replace(still, lens=lens))).picture
         return np.asarray(total / len(moments), dtype=np.float32)
 
