@@ -23,6 +23,7 @@ RELEASES := linux-x64-cp311 linux-x64-cp313 windows-x64-cp311 windows-x64-cp313 
 
 PYTEST_ARGS ?=
 TESTS ?= tests
+WORKERS ?= 2
 
 BENCH := build/bench/env
 BENCH_ARGS ?=
@@ -74,7 +75,7 @@ scenes: .venv/bpy-4.5/.stamp  ## save the sample scenes as .blend files
 
 test: $(ENV)/.stamp  ## run the tests under one Blender
 	@$(PY) tools/check_bpy.py
-	$(PY) -m pytest $(TESTS) --ignore=tests/gui $(PYTEST_ARGS)
+	$(PY) -m pytest $(TESTS) --ignore=tests/gui -n $(WORKERS) --dist loadgroup $(PYTEST_ARGS)
 
 # The others come first, so that the run ends with the default's result.
 test-all:  ## run the tests under every supported Blender
@@ -85,15 +86,17 @@ test-all:  ## run the tests under every supported Blender
 # is up to the core too: 5.0 and 5.2 render them.
 FIGURE_TESTS := $(wildcard tests/blender/test_*_figures.py) tests/blender/test_night_street.py tests/blender/test_still_life.py
 
+# Two at a time: much of a run is compiling, which takes one core. Those without the core's tests have one worker.
 test-others:  ## the same, leaving out the Blender that "make test" uses
-	@failed=; for pair in $(foreach v,$(filter-out $(BLENDER_VERSION),$(BLENDER_VERSIONS)),$(v)=$(PYTHON_OF_$(v))); do \
-		version=$${pair%=*}; \
-		echo "== Blender $$version"; \
-		if ! reason=$$(tools/find_python $${pair#*=} 2>&1 >/dev/null); then echo "skipped: $$reason"; continue; fi; \
-		tests=tests; case $$version in 4.5|5.1) tests="tests/blender $(addprefix --ignore=,$(FIGURE_TESTS))" ;; esac; \
-		$(MAKE) --no-print-directory test BLENDER_VERSION=$$version TESTS="$$tests" || failed="$$failed $$version"; \
-	done; \
-	if [ -n "$$failed" ]; then echo "Tests failed under Blender$$failed." >&2; exit 1; fi
+	@$(MAKE) --no-print-directory --keep-going --jobs=2 --output-sync=target \
+		$(addprefix test-under-,$(filter-out $(BLENDER_VERSION),$(BLENDER_VERSIONS)))
+
+test-under-%:
+	@echo "== Blender $*"; \
+	if ! reason=$$(tools/find_python $(PYTHON_OF_$*) 2>&1 >/dev/null); then echo "skipped: $$reason"; exit; fi; \
+	case $* in 4.5|5.1) set -- TESTS="tests/blender $(addprefix --ignore=,$(FIGURE_TESTS))" WORKERS=1 ;; esac; \
+	$(MAKE) --no-print-directory test BLENDER_VERSION=$* "$$@" || \
+	{ echo "Tests failed under Blender $*." >&2; exit 1; }
 
 test-gui: $(ENV)/.stamp  ## run the tests that need a window: make test-gui BLENDER=/path/to/blender
 	@if [ -z "$$BLENDER" ]; then echo "Name a Blender with a window: make test-gui BLENDER=/path/to/blender" >&2; exit 1; fi
