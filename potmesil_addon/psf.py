@@ -54,7 +54,7 @@ _MAX_STEPS: Final = 1 << 24
 _AT_ONCE: Final = 1 << 20
 """Samples whose circles are worked out at a time."""
 
-_LARGEST_CIRCLE: Final = 32768.0
+_LARGEST_CIRCLE: Final = 8192.0
 """Diameter in pixels past which a sample, spread ever thinner, counts as spread no wider."""
 
 _LARGEST_U: Final = 5000.0
