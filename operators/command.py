@@ -126,7 +126,8 @@ def _render(
                 raise SettingsError("The mask or error map would replace another picture; give another name.")
     if options.samples is not None and frame_path(Path(options.samples), 0).suffix.lower() != ".exr":
         raise SettingsError("--samples must end in .exr.")
-    for finding in refuse_errors(scene):
+    elsewhere = None if options.samples is None else Path(bpy.path.abspath(options.samples)).absolute()
+    for finding in refuse_errors(scene, elsewhere):
         if finding.severity == "warning":
             # Not "Warning": strict farms take that word for a failure.
             print(f"Note: {finding.title}. {finding.text}", flush=True)

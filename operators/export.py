@@ -9,9 +9,10 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..potmesil_addon.errors import InputError
-from ..potmesil_addon.frames import frame_path
 from ..potmesil_addon.preflight import Finding, check_scene
 from . import compat, kernels
 from .animation import curves_of
@@ -20,7 +21,8 @@ from .motion import SampledMotion, kept_scene, sample_motion
 from .overscan import borrow_overscan, overscan_margins, uses_overscan
 from .peel import peeled_views, uses_depth_peeling
 from .sampling import borrow_sampling, filter_variance, supersampling
-from .scene import rendered_objects, scene_facts
+from .scene import rendered_objects, samples_path, scene_facts  # noqa: F401 - the others look for it here
+from .work import doing
 
 RENDER_RESULT = "Render Result"
 
@@ -34,9 +36,17 @@ _MOTION_SHARE = 0.1
 """Share of the export's progress for following what moves; the rest is rendering."""
 
 
-def refuse_errors(scene: bpy.types.Scene) -> tuple[Finding, ...]:
-    """Raise InputError with the first finding that keeps the scene from rendering; return the others."""
-    findings = check_scene(scene_facts(scene))
+def refuse_errors(scene: bpy.types.Scene, path: Path | None = None) -> tuple[Finding, ...]:
+    """Raise InputError with the first finding that keeps the scene from rendering; return the others.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    path : Path or None
+        The samples file, where it is not the scene's own.
+    """
+    findings = check_scene(scene_facts(scene, path))
     for finding in findings:
         if finding.severity == "error":
             raise InputError(finding.text)
@@ -136,7 +146,8 @@ def export_samples(
     from ..potmesil_addon import exr  # noqa: PLC0415
     from ..potmesil_addon.progress import scaled  # noqa: PLC0415
 
-    refuse_errors(scene)
+    refuse_errors(scene, path)
+    frame = scene.frame_current
     with (
         # Renders, too, take changes back that were never keyed.
         kept_scene(scene),
@@ -146,6 +157,7 @@ def export_samples(
         pixel_variance = filter_variance(scene)
         borrow_for_render(borrowed, scene)
         sample_variance = filter_variance(scene)
+        doing(iface_("Following What Moves in Frame {frame}").format(frame=frame))
         motion = yield from scaled(sample_motion(scene), 0.0, _MOTION_SHARE)
         margins = overscan_margins(scene, motion) if uses_overscan(scene) else (0, 0)
         borrow_overscan(borrowed, scene, margins)
@@ -157,19 +169,29 @@ def export_samples(
             for number, names in enumerate(peeled_views(scene, motion, margins), start=1):
                 views[exr.behind(number)] = functools.partial(_hide, scene=scene, names=names)
         start, share = _MOTION_SHARE, (1.0 - _MOTION_SHARE) / (len(views) + 1)
-        companions = {}
+        companions: dict[str, Path] = {}
         for suffix, prepare in views.items():
+            doing(_rendering(frame, len(companions) + 1, len(views) + 1))
             with Borrowed() as own:
                 prepare(own)
                 yield from scaled(render(), start, share)
                 companions[suffix] = Path(folder) / f"companion_{len(companions)}.exr"
                 save_render(scene, companions[suffix])
             start += share
+        doing(_rendering(frame, len(views) + 1, len(views) + 1))
         yield from scaled(render(), start, share)
         rendered = Path(folder) / "render.exr"
         save_render(scene, rendered)
         filters = (pixel_variance, sample_variance)
         annotate_render(scene, rendered, path, motion, filters, companions, margins)
+
+
+def _rendering(frame: int, number: int, count: int) -> str:
+    """Return what is being done while a view of a frame renders."""
+    if count == 1:
+        return iface_("Rendering Frame {frame}").format(frame=frame)
+    text = iface_("Rendering Frame {frame}, View {number} of {count}")
+    return text.format(frame=frame, number=number, count=count)
 
 
 def annotate_render(
@@ -297,19 +319,5 @@ def save_render(scene: bpy.types.Scene, path: Path) -> None:
         try:
             image.save_render(str(path), scene=scene)
         except RuntimeError as error:
-            raise InputError(
-                f"Blender cannot save the render ({str(error).strip()}); render again."
-            ) from error
-
-
-def samples_path(scene: bpy.types.Scene) -> Path:
-    """Return where the scene's samples of the current frame belong.
-
-    A path relative to a .blend file that was never saved goes into Blender's temporary folder.
-    """
-    template = scene.potmesil_camera.samples_path or "//potmesil/####.exr"
-    if template.startswith("//") and not bpy.data.filepath:
-        resolved = Path(bpy.app.tempdir) / template.removeprefix("//")
-    else:
-        resolved = Path(bpy.path.abspath(template))
-    return frame_path(resolved, scene.frame_current)
+            text = rpt_("Blender cannot save the render ({reason}); render again.")
+            raise InputError(text.format(reason=str(error).strip())) from error

@@ -17,6 +17,8 @@ def render_as_job(
 ) -> Iterator[float]:
     """Render as Blender's own job, with its window, its progress and its ESC.
 
+    Of an animation, the share done is that of its frames.
+
     Parameters
     ----------
     operator : SteppedOperator
@@ -31,7 +33,7 @@ def render_as_job(
     Yields
     ------
     float
-        Share of the work done; how far a render is, Blender does not tell.
+        Share of the work done; how far the render of a frame is, Blender does not tell.
 
     Raises
     ------
@@ -41,6 +43,7 @@ def render_as_job(
         If the artist ended it.
     """
     ended: list[str] = []
+    written: list[None] = []
 
     # Blender calls handlers from the render's thread: only note what happened.
     def complete(*_: Any) -> None:
@@ -49,7 +52,11 @@ def render_as_job(
     def cancelled(*_: Any) -> None:
         ended.append("cancel")
 
-    with _Handlers(complete, cancelled), Borrowed() as borrowed:
+    def wrote(*_: Any) -> None:
+        written.append(None)
+
+    frames = len(range(scene.frame_start, scene.frame_end + 1, scene.frame_step)) if animation else 1
+    with _Handlers(complete, cancelled, wrote), Borrowed() as borrowed:
         if not locked:
             borrowed.set(scene.render, "use_lock_interface", False)
         POTMESIL_OT_watch_render.escaped = False
@@ -58,7 +65,7 @@ def render_as_job(
             raise InputError("Blender did not start the render; end other renders and try again.")
         bpy.ops.potmesil.watch_render("INVOKE_DEFAULT")
         while not ended or bpy.app.is_job_running("RENDER"):
-            yield 0.0
+            yield min(len(written) / frames, 1.0) if animation else 0.0
     # Blender tells the handlers of a render that ESC ended that it is complete.
     if operator.escaped or POTMESIL_OT_watch_render.escaped or "cancel" in ended:
         raise CancelledError
@@ -92,10 +99,13 @@ class POTMESIL_OT_watch_render(bpy.types.Operator):
 class _Handlers:
     """Render handlers for as long as a block runs."""
 
-    def __init__(self, complete: Callable[..., None], cancelled: Callable[..., None]) -> None:
+    def __init__(
+        self, complete: Callable[..., None], cancelled: Callable[..., None], wrote: Callable[..., None]
+    ) -> None:
         self._pairs = (
             (bpy.app.handlers.render_complete, complete),
             (bpy.app.handlers.render_cancel, cancelled),
+            (bpy.app.handlers.render_write, wrote),
         )
 
     def __enter__(self) -> None:

@@ -18,6 +18,9 @@ from typing import Any
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
+from bpy.app.translations import pgettext_iface as iface_
+from bpy.app.translations import pgettext_n as n_
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..potmesil_addon.errors import InputError, PotmesilError
 from . import beside
@@ -25,7 +28,7 @@ from .animation import curves_of
 from .export import samples_path
 from .kernels import cache_folder
 from .process import settings_values
-from .result import RESULT_NAME, show_result, store_resized
+from .result import RESULT_NAME, show_result, shows_result, store_resized
 from .work import redraw_panels
 
 _TICK = 0.01
@@ -48,8 +51,8 @@ _ABANDONED = 86400.0
 
 _REQUESTS, _REPLIES = "requests.jsonl", "replies.jsonl"
 
-_NOTHING_THERE = "There is nothing at this place to focus on."
-_HELP = "Live Focus: Drag in the Image to Focus, Enter to Confirm, Esc to Cancel"
+_NOTHING_THERE = n_("There is nothing at this place to focus on.")
+_HELP = n_("Live Focus: Drag in the Image to Focus, Enter to Confirm, Esc to Cancel")
 
 _CAMERA_SETTINGS = ("lens",)
 _DOF_SETTINGS = (
@@ -167,7 +170,8 @@ class _Worker:
             with (folder / "log.txt").open("wb") as log:
                 self._process = beside.start("worker", [str(folder), str(cache_folder())], log)
         except OSError as error:
-            raise InputError(f"Live Focus does not start: {error}; use Process instead.") from error
+            text = rpt_("Live Focus does not start: {reason}; use Process instead.")
+            raise InputError(text.format(reason=error)) from error
 
 
 def _remove_abandoned() -> None:
@@ -303,7 +307,8 @@ class _Session:
         except OSError:
             self._key = ""
             frame = scene.frame_current
-            raise InputError(f"Frame {frame} has no samples yet; press Render to make them.") from None
+            text = rpt_("Frame {frame} has no samples yet; press Render to make them.")
+            raise InputError(text.format(frame=frame)) from None
         stamp = [status.st_mtime_ns, status.st_size]
         request = {"path": str(path), "stamp": stamp, "settings": settings_values(context)}
         key = json.dumps(request)
@@ -402,10 +407,8 @@ class _Session:
             self._note(state, "The camera is linked from another file; make it local to focus by hand.")
         else:
             if dof.focus_object is not None:
-                self._note(
-                    state,
-                    f"{dof.focus_object.name} is no longer the focus object: the mouse sets the distance.",
-                )
+                text = rpt_("{name} is no longer the focus object: the mouse sets the distance.")
+                self._note(state, text.format(name=dof.focus_object.name))
                 dof.focus_object = None
             elif state.live_message == _NOTHING_THERE:
                 self._note(state, "")
@@ -453,10 +456,10 @@ def _begin(context: bpy.types.Context) -> None:
     shut_down()
     _session = _Session(context)
     state = context.window_manager.potmesil_camera
-    state.live, state.live_message = True, "Starting"
+    state.live, state.live_message = True, n_("Starting")
     bpy.app.handlers.load_pre.append(_file_closes)
     bpy.app.timers.register(_tick, first_interval=_TICK)
-    _status(context, _HELP)
+    _status(context, iface_(_HELP))
 
 
 def _end(context: bpy.types.Context, *, keep: bool) -> bool:
@@ -520,6 +523,19 @@ def _redraw(image: bpy.types.Image) -> None:
                     region.tag_redraw()
 
 
+def _window_of_result(context: bpy.types.Context) -> bpy.types.Window:
+    """Return the window that shows the result, or will: this one where it can, else that of renders."""
+    windows = sorted(context.window_manager.windows, key=lambda window: window != context.window)
+    for _ in range(2):
+        for window in windows:
+            if any(shows_result(area) for area in window.screen.areas):
+                return window
+        # Opened as the artist's preferences say, which may be nowhere.
+        bpy.ops.render.view_show("INVOKE_DEFAULT")
+        windows = list(context.window_manager.windows)
+    return context.window
+
+
 def _place(context: bpy.types.Context, event: bpy.types.Event) -> tuple[float, float] | None:
     """Return where in the result the mouse is, None where it is not over an Image Editor that shows it."""
     x, y = event.mouse_x, event.mouse_y
@@ -559,9 +575,11 @@ class POTMESIL_OT_live(bpy.types.Operator):
         if context.window_manager.potmesil_camera.live:
             _end(context, keep=True)
             return {"FINISHED"}
-        _begin(context)
+        # A modal operator hears of the mouse in its own window only.
+        with context.temp_override(window=_window_of_result(context)):
+            _begin(bpy.context)
+            context.window_manager.modal_handler_add(self)
         self._mine = _session
-        context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 from ..potmesil_addon.shutter import ShutterAttributes, Slit
 from . import kernels
@@ -17,7 +18,7 @@ from .export import samples_path
 from .result import ERROR_NAME, GUESSED_NAME, show_result, store_map, store_result
 from .scene import evaluated_camera, scene_exposure, scene_lens
 from .stage import stage_scene
-from .work import SteppedOperator
+from .work import SteppedOperator, doing
 
 if TYPE_CHECKING:
     from ..potmesil_addon.process import ProcessSettings
@@ -76,7 +77,9 @@ def picture_steps(
         yield _PROCESS_SHARE + (1.0 - _PROCESS_SHARE) * done
 
 
-def process_samples(context: bpy.types.Context, path: Path) -> Iterator[float]:
+def process_samples(
+    context: bpy.types.Context, path: Path, scene: bpy.types.Scene | None = None
+) -> Generator[float, None, bpy.types.Image]:
     """Process a samples file with the scene's settings into the result image, and note how sure it is.
 
     Parameters
@@ -85,24 +88,33 @@ def process_samples(context: bpy.types.Context, path: Path) -> Iterator[float]:
         Its scene's camera and settings are used.
     path : Path
         The samples file.
+    scene : Scene or None
+        The scene, where the artist may have gone to another one meanwhile.
 
     Yields
     ------
     float
         Share of the work done.
 
+    Returns
+    -------
+    Image
+        The result.
+
     Raises
     ------
     PotmesilError
         If the file or a setting is wrong.
     """
+    scene = scene or context.scene
+    doing(iface_("Processing Frame {frame}").format(frame=scene.frame_current), timed=True)
     kernels.use_user_cache()
     from ..potmesil_addon import exr  # noqa: PLC0415 - see kernels
     from ..potmesil_addon.preview import settings_from_json  # noqa: PLC0415
     from ..potmesil_addon.process import process  # noqa: PLC0415
     from ..potmesil_addon.progress import scaled  # noqa: PLC0415
 
-    values = settings_values(context)
+    values = _values_of(scene, context)
     settings = settings_from_json(values)
     kernels.compile_beside(path, values)
     yield 0.0
@@ -112,16 +124,26 @@ def process_samples(context: bpy.types.Context, path: Path) -> Iterator[float]:
     result = yield from scaled(by_turns(process(samples, settings)), 0.1, 0.9)
     image = store_result(result.picture)
     _Last.picture = None
-    if stage_scene(context.scene) is None:
+    if stage_scene(scene) is None:
         show_result(context, image)
     elif len(samples.layers) == 1:
         _Last.key, _Last.picture = (stamp, values, samples.layers[0].name), result.picture
-    if context.scene.potmesil_camera.use_quality_maps:
+    if scene.potmesil_camera.use_quality_maps:
         store_map(ERROR_NAME, result.predicted_error)
         store_map(GUESSED_NAME, result.guessed)
     state, quality = context.window_manager.potmesil_camera, result.report["quality"]
     state.guessed_pixels, state.expected_error = quality["guessed_pixels"], quality["predicted_error"]
     state.has_quality = True
+    return image
+
+
+def _values_of(scene: bpy.types.Scene, context: bpy.types.Context) -> dict[str, Any]:
+    """Return the settings of a scene that need not be the context's."""
+    if context.scene == scene:
+        return settings_values(context)
+    layer = next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
+    with context.temp_override(scene=scene, view_layer=layer):
+        return settings_values(context)
 
 
 class _Last:

@@ -121,9 +121,15 @@ def show_result(context: bpy.types.Context, image: bpy.types.Image) -> None:
     """Show the image where an Image Editor shows a render, a former result, or nothing."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type != "IMAGE_EDITOR":
-                continue
-            space: Any = area.spaces.active
-            if space.image is None or space.image.type == "RENDER_RESULT" or space.image == image:
+            if shows_result(area):
+                space: Any = area.spaces.active
                 space.image = image
                 area.tag_redraw()
+
+
+def shows_result(area: bpy.types.Area) -> bool:
+    """Return whether an area is an Image Editor with a render, a former result, or nothing."""
+    if area.type != "IMAGE_EDITOR":
+        return False
+    space: Any = area.spaces.active
+    return space.image is None or space.image.type == "RENDER_RESULT" or space.image.name == RESULT_NAME

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+import bpy
 import numpy as np
+from bpy.app.translations import pgettext_iface as iface_
 
 from ..potmesil_addon.camera import Camera, FrameFormat
-from ..potmesil_addon.errors import InputError
-from ..potmesil_addon.lens import Lens
+from ..potmesil_addon.errors import InputError, SettingsError
+from ..potmesil_addon.frames import frame_path
+from ..potmesil_addon.lens import Lens, circle_of_confusion_at_infinity
 from ..potmesil_addon.paths import thinned
 from ..potmesil_addon.preflight import SceneFacts
 from ..potmesil_addon.shutter import Curve, ShutterAttributes, ShutterPosition, Slit, even_openings
 from . import compat
+from .stage import stage_scene
 
-if TYPE_CHECKING:
-    import bpy
-
-_DEFAULT_CLAMP = 10.0
+DEFAULT_CLAMP = 10.0
 """Cycles' own default for indirect light, which hardly touches a highlight that the camera sees."""
 
 _LEAST_FOCUS_DISTANCE = 1e-5
@@ -33,14 +35,18 @@ _CURVE_TOLERANCE = 1e-3
 RENDERED_TYPES = ("MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "VOLUME", "POINTCLOUD")
 """Types of objects that can show in a render and have a pass index."""
 
+DEFAULT_SAMPLES_PATH = "//potmesil/####.exr"
 
-def scene_facts(scene: bpy.types.Scene) -> SceneFacts:
+
+def scene_facts(scene: bpy.types.Scene, path: Path | None = None) -> SceneFacts:
     """Return what the pre-flight check asks of a scene.
 
     Parameters
     ----------
     scene : Scene
         The scene.
+    path : Path or None
+        The samples file, where it is not the scene's own.
 
     Returns
     -------
@@ -51,9 +57,17 @@ def scene_facts(scene: bpy.types.Scene) -> SceneFacts:
     cycles = compat.cycles_settings(scene) if scene.render.engine == "CYCLES" else None
     camera = scene.camera.data if scene.camera is not None and scene.camera.type == "CAMERA" else None
     rendered = [item for item in scene.objects if _is_rendered(item)]
+    template = samples_template(scene)
+    folder = (path or samples_path(scene)).parent
+    relative = template.startswith("//") and folder == samples_path(scene).parent
+    staged = stage_scene(scene) is not None
+    switches = compat.compositor_switches(scene)
     return SceneFacts(
         engine=scene.render.engine,
+        has_cycles=compat.cycles_settings(scene) is not None,
         camera_type=None if camera is None else camera.type,
+        has_inactive_camera=any(item.type == "CAMERA" for item in scene.objects),
+        camera_linked=camera is not None and not camera.is_editable,
         has_depth=all(layer.use_pass_z for layer in layers),
         has_vector=all(layer.use_pass_vector for layer in layers),
         has_object_index=all(layer.use_pass_object_index for layer in layers),
@@ -63,15 +77,76 @@ def scene_facts(scene: bpy.types.Scene) -> SceneFacts:
         focus_at_lens=camera is not None
         and camera.dof.focus_object is None
         and camera.dof.focus_distance < _LEAST_FOCUS_DISTANCE,
+        nothing_blurred=camera is not None
+        and scene.potmesil_camera.use_lens
+        and _is_sharp_everywhere(scene, scene.camera),
         renders_anything=bool(layers),
         all_on_index_zero=len(rendered) > 1 and not any(o.pass_index for o in rendered),
         denoising=cycles is not None
         and cycles.use_denoising
         and any(compat.view_layer_denoises(layer) for layer in layers),
         clamped=cycles is not None
-        and (cycles.sample_clamp_direct > 0.0 or 0.0 < cycles.sample_clamp_indirect < _DEFAULT_CLAMP),
+        and (cycles.sample_clamp_direct > 0.0 or 0.0 < cycles.sample_clamp_indirect < DEFAULT_CLAMP),
         stereo=scene.render.use_multiview,
+        region=scene.render.use_border and not scene.render.use_crop_to_border,
+        compositing_off=staged
+        and not (
+            scene.render.use_compositing
+            and all(
+                getattr(getattr(scene, owner) if owner else scene, name) == on for owner, name, on in switches
+            )
+        ),
+        interface_free=staged and not scene.render.use_lock_interface,
+        unwritable_folder="" if is_writable(folder) else str(folder),
+        samples_relative=relative,
+        temporary_samples=relative and not bpy.data.filepath,
+        one_samples_file=path is None
+        and "#" not in Path(template).name
+        and scene.frame_end > scene.frame_start,
     )
+
+
+def samples_template(scene: bpy.types.Scene) -> str:
+    """Return where the scene's samples belong, as the artist wrote it."""
+    return scene.potmesil_camera.samples_path or DEFAULT_SAMPLES_PATH
+
+
+def samples_path(scene: bpy.types.Scene) -> Path:
+    """Return where the scene's samples of the current frame belong.
+
+    A path relative to a .blend file that was never saved goes into Blender's temporary folder.
+    """
+    template = samples_template(scene)
+    if template.startswith("//") and not bpy.data.filepath:
+        resolved = Path(bpy.app.tempdir) / template.removeprefix("//")
+    else:
+        resolved = Path(bpy.path.abspath(template))
+    return frame_path(resolved, scene.frame_current)
+
+
+def is_writable(folder: Path) -> bool:
+    """Return whether a file can be written into a folder, which may have to be made first."""
+    while True:
+        try:
+            if folder.exists():
+                return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
+        except OSError:
+            return False
+        if folder == folder.parent:
+            return False
+        folder = folder.parent
+
+
+def _is_sharp_everywhere(scene: bpy.types.Scene, camera: bpy.types.Object) -> bool:
+    """Return whether circles of confusion stay below a pixel from half of the focus distance to infinity.
+
+    At half of the distance they are as large as at infinity.
+    """
+    pixel = frame_format(scene, camera.data).fitted_pitch[0]
+    try:
+        return circle_of_confusion_at_infinity(scene_lens(camera), scene.potmesil_camera.coc_model) < pixel
+    except SettingsError:
+        return False
 
 
 def rendered_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
@@ -269,11 +344,9 @@ def evaluated_camera(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> 
 
 def as_length(scene: bpy.types.Scene, value: float) -> str:
     """Return a distance in Blender units as the scene's unit settings display it."""
-    import bpy  # noqa: PLC0415 - for its unit names only
-
     units = scene.unit_settings
     if math.isinf(value):
-        return "Infinity"
+        return iface_("Infinity")
     if units.system == "NONE":
         return f"{value:.4g}"
     return bpy.utils.units.to_string(

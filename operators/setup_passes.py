@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from .scene import rendered_objects
 
@@ -26,18 +27,29 @@ class POTMESIL_OT_setup_passes(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Switch on the passes and number the objects."""
-        scene = context.scene
-        for layer in scene.view_layers:
-            layer.use_pass_combined = True
-            layer.use_pass_z = True
-            layer.use_pass_vector = True
-            layer.use_pass_object_index = True
         if self.assign_indices:
-            changed = assign_indices(scene)
-            self.report({"INFO"}, f"Passes enabled, {changed} objects given an index of their own")
+            changed = set_up_passes(context.scene)
+            text = rpt_("Passes enabled, {count} objects given an index of their own")
+            self.report({"INFO"}, text.format(count=changed))
         else:
+            enable_passes(context.scene)
             self.report({"INFO"}, "Passes enabled")
         return {"FINISHED"}
+
+
+def set_up_passes(scene: bpy.types.Scene) -> int:
+    """Switch on the passes and number the objects; return how many were given a new index."""
+    enable_passes(scene)
+    return assign_indices(scene)
+
+
+def enable_passes(scene: bpy.types.Scene) -> None:
+    """Switch on the passes that a samples file needs."""
+    for layer in scene.view_layers:
+        layer.use_pass_combined = True
+        layer.use_pass_z = True
+        layer.use_pass_vector = True
+        layer.use_pass_object_index = True
 
 
 def assign_indices(scene: bpy.types.Scene) -> int:

@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_n as n_
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..potmesil_addon.errors import InputError
 from . import compat
@@ -204,10 +206,13 @@ def add_stage(scene: bpy.types.Scene) -> str:
         node.select = node in selected
     tree.nodes.active = active
     if made:
-        return "A compositor tree was made, with the stage in it"
+        return n_("A compositor tree was made, with the stage in it")
+    if len(fresh) == 1:
+        return n_("The stage stands in the place of 1 Render Layers node")
     if fresh:
-        return f"The stage stands in the place of {len(fresh)} Render Layers node{'s' * (len(fresh) > 1)}"
-    return "The stage was there; its passes are up to date"
+        text = rpt_("The stage stands in the place of {count} Render Layers nodes")
+        return text.format(count=len(fresh))
+    return n_("The stage was there; its passes are up to date")
 
 
 def remove_stage(scene: bpy.types.Scene) -> None:
@@ -255,21 +260,23 @@ def _refuse(scene: bpy.types.Scene) -> None:
     """Raise InputError where a scene's tree cannot be changed, or where others would be changed with it."""
     tree = compat.compositor_tree(scene)
     if scene.library is not None or scene.override_library is not None:
-        raise InputError(f"The scene '{scene.name}' is linked from another file; make it local first.")
+        text = rpt_("The scene '{name}' is linked from another file; make it local first.")
+        raise InputError(text.format(name=scene.name))
     if scene.render.engine == ENGINE:
-        raise InputError(f"'{scene.name}' is a stage's own scene; go to the scene that it belongs to.")
+        text = rpt_("'{name}' is a stage's own scene; go to the scene that it belongs to.")
+        raise InputError(text.format(name=scene.name))
     if tree is None or not getattr(tree, "users", 0):
         return
     if tree.library is not None or tree.override_library is not None:
-        raise InputError(
-            f"The compositor tree '{tree.name}' is linked from another file; make it local first."
-        )
+        text = rpt_("The compositor tree '{name}' is linked from another file; make it local first.")
+        raise InputError(text.format(name=tree.name))
     others = [o for o in bpy.data.scenes if o != scene and compat.compositor_tree(o) == tree]
     if others:
-        raise InputError(
-            f"The compositor tree '{tree.name}' is shared with the scene '{others[0].name}'; make it a "
-            "single-user copy first."
+        text = rpt_(
+            "The compositor tree '{name}' is shared with the scene '{other}'; make it a single-user copy "
+            "first."
         )
+        raise InputError(text.format(name=tree.name, other=others[0].name))
 
 
 def _make_scene(scene: bpy.types.Scene, *, made: bool) -> bpy.types.Scene:

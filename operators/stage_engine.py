@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
+from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..potmesil_addon.errors import InputError, PotmesilError
 from . import kernels, stage
@@ -235,7 +236,8 @@ class PotmesilStageEngine(bpy.types.RenderEngine):
 
 def _unexpected(error: Exception) -> str:
     """Return a sentence about what should not have happened."""
-    return f"The stage failed; the console has the details ({type(error).__name__}: {error})."
+    text = rpt_("The stage failed; the console has the details ({kind}: {error}).")
+    return text.format(kind=type(error).__name__, error=error)
 
 
 def _save(job: _Job, motion: SampledMotion) -> None:
@@ -284,7 +286,9 @@ def _fitted(values: Float32Array, scene: bpy.types.Scene, columns: int, rows: in
         left = min(int(render.border_min_x * whole[0]), whole[0] - columns)
         top = min(whole[1] - rows - int(render.border_min_y * whole[1]), whole[1] - rows)
         return values[max(top, 0) : max(top, 0) + rows, left : left + columns]
-    raise InputError(
-        f"The samples are for {values.shape[1]} x {values.shape[0]} pixels and the render has {columns} x "
-        f"{rows}; render again."
+    text = rpt_(
+        "The samples are for {columns} x {rows} pixels and the render has {render_columns} x {render_rows}; "
+        "render again."
     )
+    size = {"columns": values.shape[1], "rows": values.shape[0]}
+    raise InputError(text.format(**size, render_columns=columns, render_rows=rows))

@@ -4,19 +4,35 @@ from __future__ import annotations
 
 import bpy
 
-from . import panels, presets, properties
+from . import (
+    camera_tab,
+    inspect_panel,
+    output_tab,
+    presets,
+    properties,
+    render_tab,
+    sidebars,
+    translations,
+    viewport,
+)
 
 CLASSES = (
     properties.PotmesilSceneSettings,
     properties.PotmesilCollectionSettings,
     properties.PotmesilState,
     *presets.CLASSES,
-    *panels.CLASSES,
+    *camera_tab.CLASSES,
+    *render_tab.CLASSES,
+    *output_tab.CLASSES,
+    *sidebars.CLASSES,
+    *inspect_panel.CLASSES,
+    *viewport.CLASSES,
 )
 
 
 def register() -> None:
-    """Register properties and panels."""
+    """Register translations, properties and panels."""
+    translations.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     presets.register()
@@ -25,13 +41,16 @@ def register() -> None:
         type=properties.PotmesilCollectionSettings
     )
     bpy.types.WindowManager.potmesil_camera = bpy.props.PointerProperty(type=properties.PotmesilState)
+    viewport.register()
 
 
 def unregister() -> None:
-    """Unregister panels and properties."""
+    """Unregister panels, properties and translations."""
+    viewport.unregister()
     del bpy.types.WindowManager.potmesil_camera
     del bpy.types.Collection.potmesil_camera
     del bpy.types.Scene.potmesil_camera
     presets.unregister()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
+    translations.unregister()

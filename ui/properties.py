@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import bpy
 
+from .translations import OWN
+
 
 class PotmesilSceneSettings(bpy.types.PropertyGroup):
     """What is saved with the scene."""
@@ -63,6 +65,7 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
     fade: bpy.props.FloatProperty(
         name="Fade",
         description="Share of the finished picture's light, from black to all of it",
+        translation_context=OWN,
         min=0.0,
         max=1.0,
         default=1.0,
@@ -162,6 +165,7 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
     sampling: bpy.props.EnumProperty(
         name="Samples",
         description="How finely the picture is sampled, by Cycles only",
+        translation_context=OWN,
         items=(
             ("PIXELS", "Pixels", "One sample for each pixel, filtered as in any render"),
             (
@@ -218,6 +222,12 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
         max=4,
         default=2,
     )
+    show_limits: bpy.props.BoolProperty(
+        name="Show Limits",
+        description="Show the near limit, the plane in focus with a handle, and the far limit of the scene's "
+        "camera in the 3D viewports",
+        default=False,
+    )
     use_quality_maps: bpy.props.BoolProperty(
         name="Show Quality Maps",
         description="Let Process also make the images Potmesil Error, how far each pixel is expected to be "
@@ -256,9 +266,48 @@ class PotmesilState(bpy.types.PropertyGroup):
 
     running: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
     progress: bpy.props.FloatProperty(min=0.0, max=1.0, options={"SKIP_SAVE", "HIDDEN"})
+    doing: bpy.props.StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+    seconds_left: bpy.props.FloatProperty(default=-1.0, options={"SKIP_SAVE", "HIDDEN"})
     error: bpy.props.StringProperty(options={"SKIP_SAVE", "HIDDEN"})
     live: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
     live_message: bpy.props.StringProperty(options={"SKIP_SAVE", "HIDDEN"})
     has_quality: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
     guessed_pixels: bpy.props.FloatProperty(options={"SKIP_SAVE", "HIDDEN"})
     expected_error: bpy.props.FloatProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    inspect: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
+    inspect_message: bpy.props.StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+    inspect_overlay: bpy.props.BoolProperty(
+        name="Overlay",
+        description="Colour what is near, sharp and far by the limits of the depth of field",
+        default=True,
+        options={"SKIP_SAVE"},
+    )
+    inspect_readout: bpy.props.BoolProperty(
+        name="Read-Out",
+        description="Show the distance and the circle of confusion of what is under the mouse",
+        default=True,
+        options={"SKIP_SAVE"},
+    )
+    inspect_psf: bpy.props.BoolProperty(
+        name="PSF",
+        description="Draw the point-spread function under the mouse: what becomes of a point there",
+        default=True,
+        options={"SKIP_SAVE"},
+    )
+    inspect_compare: bpy.props.BoolProperty(
+        name="Compare",
+        description="Show the render as it is before the lens and the shutter to the left of a line that can "
+        "be dragged",
+        default=False,
+        options={"SKIP_SAVE"},
+    )
+    split: bpy.props.FloatProperty(
+        name="Split",
+        description="Share of the picture to the left of the line, which shows the render before",
+        min=0.0,
+        max=1.0,
+        default=0.5,
+        subtype="FACTOR",
+        options={"SKIP_SAVE"},
+    )

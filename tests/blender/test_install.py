@@ -62,11 +62,19 @@ def test_shipped_core_is_the_installed_one(extension: ModuleType) -> None:
         "remove_stage",
         "composite",
         "render_animation",
+        "process_animation",
+        "fix_all",
+        "live",
+        "inspect",
+        "focus_on_active",
+        "track_object",
+        "stop_tracking",
     ],
 )
 def test_operators_have_blenders_manners(extension: ModuleType, name: str) -> None:
     operator = getattr(bpy.ops.potmesil, name).get_rna_type()
-    assert operator.name == operator.name.title()
+    # Blender writes prepositions small.
+    assert operator.name == operator.name.title().replace(" On ", " on ")
     tooltip = operator.description
     assert tooltip
     assert not tooltip.endswith(".")

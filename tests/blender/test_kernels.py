@@ -17,8 +17,8 @@ def test_the_second_process_compiles_what_a_picture_needs(
     scene.potmesil_camera.visibility = "none"
     assert bpy.ops.potmesil.render() == {"FINISHED"}
     kernels, beside = module("operators.kernels"), module("operators.beside")
-    # A folder without kernels, of which nothing has been read into this process; the tests of the core may have
-    # named one for all.
+    # A folder without kernels, of which nothing has been read into this process. The tests of the core may
+    # have named one for all.
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(kernels, "cache_folder", lambda: tmp_path / "kernels")
     started = []

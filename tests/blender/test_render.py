@@ -108,8 +108,9 @@ def test_animated_settings_are_borrowed_and_stay_animated(scene: Any) -> None:
 
 
 def test_settings_are_given_back_after_an_error(scene: Any, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("no folder")
-    scene.potmesil_camera.samples_path = str(tmp_path / "file" / "####.exr")
+    # A folder stands where the file belongs: only writing it shows that.
+    (tmp_path / "0001.exr").mkdir()
+    scene.potmesil_camera.samples_path = str(tmp_path / "####.exr")
     scene.render.use_motion_blur = True
     # Blender fills in a default color space the first time that a format is chosen.
     scene.render.image_settings.file_format = "JPEG"

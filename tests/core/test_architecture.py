@@ -174,7 +174,7 @@ def test_what_blender_loads_at_start_up_is_light() -> None:
     """The registered modules import these; numba, scipy and OpenEXR would cost most of a second."""
     loaded = python(
         "import sys\n"
-        "from potmesil_addon import camera, errors, frames, lens, preflight, samples\n"
+        "from potmesil_addon import camera, errors, frames, inspection, lens, preflight, samples\n"
         "print([name for name in ('numba', 'scipy', 'OpenEXR') if name in sys.modules])\n"
     )
     assert loaded.strip() == "[]"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import pytest
@@ -19,22 +19,43 @@ def test_a_good_scene_has_no_findings() -> None:
 @pytest.mark.parametrize(
     ("facts", "severity", "title", "fix"),
     [
-        ({"camera_type": None}, "error", "No Camera", None),
-        ({"camera_type": "PANO"}, "error", "Panoramic Camera", None),
-        ({"camera_type": "ORTHO"}, "error", "No Perspective Camera", None),
-        ({"camera_type": "CUSTOM"}, "error", "No Perspective Camera", None),
-        ({"engine": "BLENDER_WORKBENCH"}, "error", "Engine Without Passes", None),
-        ({"renders_anything": False}, "error", "No View Layer", None),
+        ({"camera_type": None}, "error", "No Camera", "add_camera"),
+        (
+            {"camera_type": None, "has_inactive_camera": True},
+            "error",
+            "No Active Camera",
+            "activate_camera",
+        ),
+        ({"camera_type": "PANO"}, "error", "Panoramic Camera", "perspective_camera"),
+        ({"camera_type": "ORTHO"}, "error", "No Perspective Camera", "perspective_camera"),
+        ({"camera_type": "CUSTOM"}, "error", "No Perspective Camera", "perspective_camera"),
+        ({"engine": "BLENDER_WORKBENCH"}, "error", "Engine Without Passes", "use_cycles"),
+        ({"engine": "BLENDER_WORKBENCH", "has_cycles": False}, "error", "Engine Without Passes", None),
+        ({"renders_anything": False}, "error", "No View Layer", "use_view_layer"),
+        ({"unwritable_folder": "/there"}, "error", "Samples Cannot Be Kept", "samples_beside"),
+        (
+            {"unwritable_folder": "/there", "samples_relative": True},
+            "error",
+            "Samples Cannot Be Kept",
+            "save_as",
+        ),
         ({"has_depth": False}, "warning", "Passes Off: Z", "setup_passes"),
         ({"has_vector": False, "wants_motion": True}, "warning", "Passes Off: Vector", "setup_passes"),
         ({"has_object_index": False}, "warning", "Passes Off: Object Index", "setup_passes"),
         ({"all_on_index_zero": True}, "warning", "Objects Share Index 0", "setup_passes"),
-        ({"motion_blur": True, "wants_motion": True}, "warning", "Motion Blur On", None),
-        ({"engine": "BLENDER_EEVEE"}, "warning", "Not Cycles", None),
-        ({"stereo": True}, "warning", "Stereo Views", None),
-        ({"depth_of_field": True}, "note", "Camera Blurs Already", None),
-        ({"denoising": True}, "note", "Denoising On", None),
-        ({"clamped": True}, "note", "Samples Clamped", None),
+        ({"focus_at_lens": True}, "warning", "Focus Distance Is 0", "focus_middle"),
+        ({"motion_blur": True, "wants_motion": True}, "warning", "Motion Blur On", "motion_blur_off"),
+        ({"engine": "BLENDER_EEVEE"}, "warning", "Not Cycles", "use_cycles"),
+        ({"stereo": True}, "warning", "Stereo Views", "stereo_off"),
+        ({"compositing_off": True}, "warning", "Compositing Off", "compositing_on"),
+        ({"interface_free": True}, "warning", "Interface Not Locked", "lock_interface"),
+        ({"region": True}, "warning", "Render Region", "region_off"),
+        ({"depth_of_field": True}, "note", "Camera Blurs Already", "camera_blur_off"),
+        ({"nothing_blurred": True}, "note", "Hardly Anything Is Blurred", "open_aperture"),
+        ({"denoising": True}, "note", "Denoising On", "denoising_off"),
+        ({"clamped": True}, "note", "Samples Clamped", "clamping_off"),
+        ({"one_samples_file": True}, "note", "One Samples File", "number_samples"),
+        ({"temporary_samples": True}, "note", "File Not Saved", "save_as"),
     ],
 )
 def test_each_fact_has_its_finding(facts: dict[str, Any], severity: str, title: str, fix: str | None) -> None:
@@ -59,7 +80,21 @@ def everything_wrong() -> SceneFacts:
     for field in fields(SceneFacts):
         default = field.default
         values[field.name] = not default if isinstance(default, bool) else default
-    return SceneFacts(**{**values, "engine": "BLENDER_EEVEE", "camera_type": None})
+    return SceneFacts(
+        **{**values, "engine": "BLENDER_EEVEE", "camera_type": None, "unwritable_folder": "/there"}
+    )
+
+
+def test_every_finding_of_a_scene_of_ones_own_has_a_fix() -> None:
+    everything = replace(everything_wrong(), camera_linked=False, has_cycles=True)
+    assert [finding.title for finding in check_scene(everything) if finding.fix is None] == []
+
+
+def test_a_linked_camera_is_said_and_not_changed() -> None:
+    assert check_scene(SceneFacts(camera_linked=True)) == ()
+    findings = check_scene(SceneFacts(camera_linked=True, camera_type="ORTHO", depth_of_field=True))
+    assert [finding.fix for finding in findings] == [None, None, None]
+    assert findings[-1].title == "Camera Is Linked"
 
 
 def test_errors_come_first_and_notes_last() -> None:

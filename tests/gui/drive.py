@@ -13,24 +13,34 @@ import time
 import traceback
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
 
+# The parts of the story that have files of their own lie beside this one.
+sys.path.insert(0, str(Path(__file__).parent))
+
+import inspect_flow
+from viewport_flow import viewport
+
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 SEEN: dict[str, Any] = {"errors": []}
 
+TABS = ("data", "render", "output")
 # Where the Render button is, from the left and the top of the Properties editor's region.
 RENDER_BUTTON = (70, 97)
 PROCESS_BUTTON = (190, 97)
 LIVE_BUTTON = (70, 127)
-APERTURE_TITLE = (100, 349)
-CURVE_TITLE = (100, 557)
-PRINTER_TITLE = (100, 584)
+F_STOP = (147, 258)
+APERTURE_TITLE = (100, 430)
+CURVE_TITLE = (100, 342)
+PRINTER_TITLE = (100, 394)
 
 
 def shot(name: str) -> None:
     """Save what an artist would see."""
+    print(f"{name}.png", flush=True)
     subprocess.run(["import", "-window", "root", str(FOLDER / f"{name}.png")], check=True)
 
 
@@ -59,8 +69,8 @@ def click(offset: tuple[int, int]) -> None:
 def prepare() -> None:
     """Lay out an Image Editor beside the camera's properties, and a scene worth a look."""
     for panel in bpy.types.Panel.__subclasses__():
-        # Only ours is left on the camera's tab, so that its buttons are where the test looks for them.
-        if getattr(panel, "bl_context", "") == "data" and not panel.__name__.startswith("POTMESIL"):
+        # Only ours are left on these tabs, so that their buttons are where the test looks for them.
+        if getattr(panel, "bl_context", "") in TABS and not panel.__name__.startswith("POTMESIL"):
             bpy.utils.unregister_class(panel)
     outliner = area("OUTLINER")
     with bpy.context.temp_override(window=window(), area=outliner, region=outliner.regions[-1]):
@@ -106,12 +116,16 @@ def story() -> Iterator[float]:
     prepare()
     at_rest = render_handlers()
     yield 1.0
-    area("PROPERTIES").spaces.active.context = "DATA"
-    yield 1.5
+    yield from tab("DATA")
     shot("panel")
     yield from aperture_panel()
+    yield from tab("RENDER")
+    shot("render_tab")
     yield from shutter_panel()
     yield from printer_panel()
+    yield from tab("OUTPUT")
+    shot("output_tab")
+    yield from tab("DATA")
     click(RENDER_BUTTON)
     yield from wait(lambda: state().running, 5.0)
     SEEN["started"] = state().running
@@ -139,11 +153,19 @@ def story() -> Iterator[float]:
     SEEN["quality"] = [state().has_quality, state().guessed_pixels, state().expected_error]
     yield from longer_shutter()
     yield from live_focus()
-    for part in (live_sidebar, live_undo, live_scenes, live_render, live_window, live_extension):
+    for part in (live_drag, live_sidebar, live_undo, live_scenes, live_render, live_window, live_extension):
         yield from guarded(part())
+    yield from guarded(inspect_flow.inspect(SimpleNamespace(**globals()), SEEN.setdefault("inspect", {})))
     yield from guarded(stage())
+    hand = SimpleNamespace(window=window, event=event, shot=shot, folder=FOLDER)
+    yield from guarded(viewport(hand, SEEN))
     yield from cancelled_render()
     SEEN["handlers"] = render_handlers() - at_rest
+    scene = bpy.context.scene
+    scene.cycles.samples = 4
+    # The default is relative to the file, and two of them are opened now.
+    scene.potmesil_camera.samples_path = str(live_module().samples_path(scene))
+    yield from guarded(inspect_flow.opened(SimpleNamespace(**globals()), SEEN["inspect"]))
     yield from guarded(live_file())
 
 
@@ -158,6 +180,12 @@ def guarded(steps: Iterator[float]) -> Iterator[float]:
         yield from steps
     except Exception:
         SEEN["errors"].append(traceback.format_exc())
+
+
+def tab(name: str) -> Iterator[float]:
+    """Go to a tab of the Properties editor."""
+    area("PROPERTIES").spaces.active.context = name
+    yield 1.0
 
 
 def aperture_panel() -> Iterator[float]:
@@ -364,6 +392,30 @@ def live_off(operator: str) -> Iterator[float]:
     yield from wait(lambda: live_session() is None, 120.0)
 
 
+def live_drag() -> Iterator[float]:
+    """Drag the f-stop in the panel with Live Focus on; one undo takes the drag back."""
+    yield from live_on()
+    dof = bpy.context.scene.camera.data.dof
+    before, updates = dof.aperture_fstop, live_session().updates
+    region = next(r for r in area("PROPERTIES").regions if r.type == "WINDOW")
+    x, y = region.x + F_STOP[0], region.y + region.height - F_STOP[1]
+    event("MOUSEMOVE", "NOTHING", x - 3, y)
+    event("MOUSEMOVE", "NOTHING", x, y)
+    yield 0.3
+    event("LEFTMOUSE", "PRESS", x, y)
+    for step in range(1, 13):
+        event("MOUSEMOVE", "NOTHING", x + 3 * step, y)
+        yield 0.1
+    event("LEFTMOUSE", "RELEASE", x + 36, y)
+    yield from wait(lambda: live_session().updates > updates, 20.0)
+    dragged = [before, dof.aperture_fstop]
+    with bpy.context.temp_override(window=window(), area=area("PROPERTIES")):
+        bpy.ops.ed.undo()
+    yield 0.5
+    SEEN["live"]["f_stop_dragged"] = [*dragged, bpy.context.scene.camera.data.dof.aperture_fstop]
+    yield from live_off("end_live")
+
+
 def workers() -> list[tuple[int, str]]:
     """Return the processes and the folders of Live Focus."""
     session = live_session()
@@ -528,10 +580,6 @@ def live_extension() -> Iterator[float]:
 def live_file() -> Iterator[float]:
     """Open a file while Live Focus is on; then quit while it is on."""
     blend = str(FOLDER / "scene.blend")
-    scene = bpy.context.scene
-    scene.cycles.samples = 4
-    # The default is relative to the file.
-    scene.potmesil_camera.samples_path = str(live_module().samples_path(scene))
     bpy.ops.wm.save_as_mainfile(filepath=blend, copy=True)
     yield from live_on()
     known = workers()

@@ -17,6 +17,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 BLENDER = os.environ.get("BLENDER", "")
 PICTURES = ROOT / "build" / "gui"
+MOST_SESSIONS = 3
 LEAST_UPDATES = 10.0
 """Previews a second."""
 
@@ -32,10 +33,8 @@ pytestmark = [
 ]
 
 
-@pytest.fixture(scope="module")
-def blender(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """Run the Blender with the extension installed and preferences of its own."""
-    folder = tmp_path_factory.mktemp("blender")
+def installed(folder: Path) -> Any:
+    """Install the extension into a fresh profile; return what runs the Blender with it."""
     subprocess.run(
         [sys.executable, str(ROOT / "tools" / "build_extension.py"), "--output", str(folder)], check=True
     )
@@ -63,18 +62,58 @@ def blender(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 @pytest.fixture(scope="module")
-def seen(blender: Any, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What the driven session wrote down; its pictures are kept in build/gui."""
-    folder = tmp_path_factory.mktemp("seen")
-    script = str(ROOT / "tests" / "gui" / "drive.py")
-    done = blender("--enable-event-simulate", "--python", script, "--", str(folder), timeout=900.0)
+def blender(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Run the Blender with the extension installed and preferences of its own."""
+    return installed(tmp_path_factory.mktemp("blender"))
+
+
+def drive(blender: Any, script: str, folder: Path, *arguments: str) -> dict[str, Any]:
+    """Run a script in a window and return what it wrote down; its pictures are kept in build/gui.
+
+    A render's thread and the window of Blender 5.2 at times free one OpenGL context both, and X then ends
+    Blender: without the extension in 3 of 19 sessions of some renders each. Such a session says nothing.
+    """
     PICTURES.mkdir(parents=True, exist_ok=True)
-    for picture in folder.glob("*.png"):
-        shutil.copy(picture, PICTURES)
     result = folder / "seen.json"
+    for _ in range(MOST_SESSIONS):
+        path = str(ROOT / "tests" / "gui" / script)
+        done = blender(
+            "--enable-event-simulate", "--python", path, "--", str(folder), *arguments, timeout=900.0
+        )
+        for picture in folder.glob("*.png"):
+            shutil.copy(picture, PICTURES)
+        if result.exists() or "X Error of failed request" not in done.stderr or "GLX" not in done.stderr:
+            break
+        print("Blender lost its OpenGL context after", done.stdout.split()[-1:])
     assert result.exists(), done.stdout + done.stderr
     values: dict[str, Any] = json.loads(result.read_text())
     return values
+
+
+@pytest.fixture(scope="module")
+def seen(blender: Any, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What the driven session wrote down."""
+    return drive(blender, "drive.py", tmp_path_factory.mktemp("seen"))
+
+
+@pytest.fixture(scope="module")
+def first_use(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What happens to who follows the README: a fresh profile, a scene, four clicks."""
+    fresh = installed(tmp_path_factory.mktemp("fresh"))
+    folder = tmp_path_factory.mktemp("first_use")
+    # Samples go beside the file.
+    scene = shutil.copy(ROOT / "sample_scenes" / "still_life.blend", folder)
+    return drive(fresh, "first_use.py", folder, str(scene))
+
+
+def test_four_clicks_lead_to_a_picture_in_focus_where_it_was_clicked(first_use: dict[str, Any]) -> None:
+    assert first_use["errors"] == []
+    assert first_use["error"] == first_use["message"] == ""
+    assert first_use["sidebar"]
+    assert "Potmesil Result" in first_use["shown"]
+    before, clicked = first_use["focus"]
+    assert clicked != before
+    assert first_use["kept"] == clicked
 
 
 def test_render_button_makes_a_result_and_shows_it(seen: dict[str, Any]) -> None:
@@ -156,6 +195,67 @@ def test_live_focus_cancels_and_confirms(seen: dict[str, Any]) -> None:
 
 def test_live_focus_says_that_it_lets_the_focus_object_go(seen: dict[str, Any]) -> None:
     assert "Light is no longer the focus object" in seen["live"]["note"]
+
+
+def test_the_f_stop_is_dragged_in_the_panel_and_undone(seen: dict[str, Any]) -> None:
+    before, dragged, undone = seen["live"]["f_stop_dragged"]
+    assert dragged > before
+    assert undone == before
+
+
+def test_planes_are_drawn_in_the_viewport_and_go_with_the_extension(seen: dict[str, Any]) -> None:
+    viewport = seen["viewport"]
+    # Pixels of each of the three colours.
+    assert max(viewport["off"]) < 20
+    assert min(viewport["on"]) > 200
+    assert max(viewport["disabled"]) < 20
+    assert min(viewport["enabled"]) > 100
+
+
+def test_the_plane_in_focus_is_dragged_in_the_viewport(seen: dict[str, Any]) -> None:
+    viewport = seen["viewport"]
+    before, dragged = viewport["dragged"]
+    assert before == 6.0
+    assert dragged > 7.0
+    assert viewport["undone"] == 6.0
+    assert viewport["escaped"] == viewport["tracked_dragged"] == [6.0, 6.0]
+
+
+def test_the_active_object_is_focused_and_tracked(seen: dict[str, Any]) -> None:
+    viewport = seen["viewport"]
+    assert viewport["focused"] == pytest.approx(9.0)
+    assert viewport["unfocused"] == 6.0
+    assert viewport["tracked"] == "Box 4"
+    ended, distance = viewport["stopped"]
+    assert ended
+    assert distance == pytest.approx(11.0)
+
+
+def test_inspect_focus_shows_zones_and_a_split(seen: dict[str, Any]) -> None:
+    found = seen["inspect"]
+    for place in found["places"]:
+
+        def away(name: str, place: Any = place) -> float:
+            return sum(abs(a - b) for a, b in zip(place["on"], place[name], strict=True))
+
+        assert away("expected") < away("off")
+    assert found["cursor"] == [True, False]
+    assert found["split"] == pytest.approx(0.3, abs=0.005)
+    assert found["follows"] == pytest.approx(2.0)
+
+
+def test_inspect_focus_goes_with_live_focus_and_two_windows(seen: dict[str, Any]) -> None:
+    live = seen["inspect"]["with_live"]
+    assert live["split"] == pytest.approx(0.6, abs=0.005)
+    assert live["focus_kept"]
+    assert live["focused"][0] == pytest.approx(live["focused"][1], rel=1e-4)
+    assert live["ended"] == [[False, True], [False, False]]
+    assert seen["inspect"]["second_window"]
+    assert seen["inspect"]["after_closing"]
+
+
+def test_inspect_focus_leaves_nothing_behind(seen: dict[str, Any]) -> None:
+    assert seen["inspect"]["left"] == {"escape": [], "button": [], "extension": [], "file": []}
 
 
 def test_live_focus_is_in_the_sidebar(seen: dict[str, Any]) -> None:
@@ -250,6 +350,24 @@ def test_window_is_drawn(seen: dict[str, Any], name: str) -> None:
     picture = np.vstack([np.asarray(line) for line in lines])
     assert (columns, rows) == (1600, 900)
     assert picture.std() > 5.0
+
+
+def test_the_interface_is_german_where_blender_is(tmp_path_factory: pytest.TempPathFactory) -> None:
+    fresh = installed(tmp_path_factory.mktemp("fresh"))
+    seen = drive(fresh, "language_flow.py", tmp_path_factory.mktemp("german"))
+    assert seen["errors"] == []
+    if not seen["locales"]:
+        pytest.skip("this Blender has no German")
+    assert seen["looked_up"] == seen["again"]
+    assert seen["looked_up"] == {
+        "label": "Blendenbild",
+        "tooltip": "Was aus einem Punkt außerhalb des Fokus wird",
+        "button": "Durchgänge einrichten",
+        "report": "Bild {frame} hat noch keine Abtastwerte; „Rendern“ drücken, um sie zu erzeugen.",
+        "choice": "Beugung",
+    }
+    assert "eine hinzufügen" in seen["refused"] or "eine aktivieren" in seen["refused"]
+    assert seen["without"] == "Aperture Image"
 
 
 def test_command_renders_frames(blender: Any, tmp_path: Path) -> None:
