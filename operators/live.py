@@ -28,7 +28,7 @@ from .animation import curves_of
 from .export import samples_path
 from .kernels import cache_folder
 from .process import settings_values
-from .result import RESULT_NAME, show_result, shows_result, store_resized
+from .result import RESULT_NAME, is_ours, show_result, shows_result, store_resized
 from .work import redraw_panels
 
 _TICK = 0.01
@@ -263,7 +263,7 @@ class _Session:
 
     def _keep_result(self) -> None:
         image = bpy.data.images.get(RESULT_NAME)
-        if image is not None and image.has_data and image.source == "GENERATED" and image.is_float:
+        if image is not None and image.has_data and is_ours(image):
             columns, rows = image.size
             values = np.empty(rows * columns * 4, dtype=np.float32)
             image.pixels.foreach_get(values)

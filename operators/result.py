@@ -29,7 +29,10 @@ def store_result(picture: Float32Array) -> bpy.types.Image:
     Image
         The image, made where it was missing.
     """
-    return _store(RESULT_NAME, picture)
+    image = _store(RESULT_NAME, picture)
+    if not image.use_view_as_render:
+        image.use_view_as_render = True
+    return image
 
 
 def store_resized(picture: Float32Array) -> bpy.types.Image:
@@ -104,17 +107,26 @@ def _store(name: str, picture: Float32Array) -> bpy.types.Image:
     """Put a picture into a float image of our own."""
     rows, columns = picture.shape[:2]
     image = bpy.data.images.get(name)
-    if image is not None and (image.source != "GENERATED" or not image.is_float):
+    if image is not None and not is_ours(image):
         image.name = f"{name}.old"
         image = None
     if image is None:
-        image = bpy.data.images.new(name, columns, rows, alpha=True, float_buffer=True)
+        image = bpy.data.images.new(name, 1, 1, alpha=True, float_buffer=True)
         image.alpha_mode = "PREMUL"
-    elif tuple(image.size) != (columns, rows):
+        # Blender displays an image with the scene's view transform only if it takes it for one of a file.
+        image.pixels.foreach_set(np.zeros(4, dtype=np.float32))
+        image.update()
+        image.pack()
+    if tuple(image.size) != (columns, rows):
         image.scale(columns, rows)
     image.pixels.foreach_set(np.ascontiguousarray(picture[::-1], dtype=np.float32).reshape(-1))
     image.update()
     return image
+
+
+def is_ours(image: bpy.types.Image) -> bool:
+    """Return whether an image is one that pictures are put into, and no file of the artist's."""
+    return bool(image.source == "FILE" and image.packed_file and not image.filepath and image.is_float)
 
 
 def show_result(context: bpy.types.Context, image: bpy.types.Image) -> None:

@@ -241,7 +241,8 @@ def test_what_decides_the_display(inspection: Any, scene: Any) -> None:
 
 
 def test_before_is_the_render_without_the_lens(session: Any, scene: Any) -> None:
-    """Behind a lens that is stopped down, the result is the render."""
+    """Behind a lens that is stopped down, the result is the render, seen as the scene's view has it."""
+    scene.view_settings.view_transform = "Standard"
     wall()
     scene.world = bpy.data.worlds.new("World")
     assert bpy.ops.potmesil.render() == {"FINISHED"}

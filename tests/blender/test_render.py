@@ -173,6 +173,22 @@ def test_undo_and_redo_leave_the_scene_alone(scene: Any) -> None:
     assert bpy.ops.potmesil.process() == {"FINISHED"}
 
 
+def test_result_is_displayed_as_renders_are_and_stays_over_undo(scene: Any) -> None:
+    card(scene, "Wall", (0.0, 5.0, 0.0), 20.0, emitter("Glow", (3.0, 2.0, 1.0)))
+    bpy.context.preferences.edit.use_global_undo = True
+    bpy.ops.potmesil.render()
+    image = bpy.data.images["Potmesil Result"]
+    # Blender displays no image of another source with the scene's view transform.
+    assert image.source == "FILE"
+    assert image.use_view_as_render
+    before = _result()
+    bpy.ops.ed.undo_push(message="rendered")
+    scene.frame_end += 1
+    bpy.ops.ed.undo_push(message="changed")
+    bpy.ops.ed.undo()
+    np.testing.assert_array_equal(_result(), before)
+
+
 def test_process_without_samples_says_what_to_do(scene: Any) -> None:
     with pytest.raises(RuntimeError, match="does not exist"):
         bpy.ops.potmesil.process()

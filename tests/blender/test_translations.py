@@ -150,7 +150,6 @@ def registered(module: Callable[[str], Any]) -> set[str]:
     """The texts of classes that Blender knows: labels, tooltips, names and choices of properties."""
     found: set[str] = set()
     for cls in (*module("ui").CLASSES, *module("operators").CLASSES):
-        found |= {getattr(cls, name) for name in ("bl_label", "bl_category") if hasattr(cls, name)}
         kind = cls.bl_rna
         if issubclass(cls, bpy.types.Operator):
             # The class itself knows nothing of the operator's properties.
@@ -185,6 +184,9 @@ def written_texts() -> set[str]:
 def texts_of(tree: ast.AST) -> Iterator[ast.Constant | ast.JoinedStr]:
     """Yield the constants and put-together texts that are shown to artists."""
     for node in ast.walk(tree):
+        # Blender calls the menus of presets "Presets" once one was added: what counts is what stands here.
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in ("bl_label", "bl_category"):
+            yield from choices_of(node.value)
         if not isinstance(node, ast.Call):
             continue
         name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
