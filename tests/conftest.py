@@ -6,7 +6,18 @@ from pathlib import Path
 
 import pytest
 
+from potmesil_addon import jit
+
 HERE = Path(__file__).resolve().parent
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let a worker's kernels run on one thread, unless a test asks for more.
+
+    Threads that wait for small kernels keep a core busy, and each other from the work.
+    """
+    if hasattr(config, "workerinput"):
+        jit.set_thread_count(1)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
