@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -24,7 +25,7 @@ hypothesis.settings.load_profile("core")
 
 @pytest.fixture
 def all_threads() -> Iterator[int]:
-    """Give the number of threads that the kernels may use, and put it back afterwards."""
-    threads = jit.set_thread_count(None)
-    yield threads
-    jit.set_thread_count(threads)
+    """Let the kernels use all threads, give their number, and put back afterwards what they used."""
+    before = jit.set_thread_count(None)
+    yield jit.set_thread_count(sys.maxsize)
+    jit.set_thread_count(before)
