@@ -98,7 +98,7 @@ class Session:
             return False
         window = next((w for w in windows if w.as_pointer() == self._window), windows[0])
         state = manager.potmesil_camera
-        if rendering(state):
+        if live.rendering(state):
             # The samples are about to be replaced.
             return True
         self._take_hands(windows)
@@ -289,11 +289,6 @@ _painter: inspection_draw.Painter | None = None
 def session() -> Session | None:
     """Return what is going on, for tests; None while Inspect Focus is off."""
     return _session
-
-
-def rendering(state: Any) -> bool:
-    """Return whether Render or Process works, or Blender renders."""
-    return bool(state.running or bpy.app.is_job_running("RENDER"))
 
 
 def say(state: Any, text: str) -> bool:
@@ -561,7 +556,7 @@ class POTMESIL_OT_inspect_hand(bpy.types.Operator):
         if mine is None or _session is not mine or not mine.has_hand(context.window, self._number):
             self._mine = None
             return {"CANCELLED", "PASS_THROUGH"}
-        if rendering(context.window_manager.potmesil_camera):
+        if live.rendering(context.window_manager.potmesil_camera):
             # Esc is for the render.
             mine.dragging = False
             return {"PASS_THROUGH"}

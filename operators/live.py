@@ -281,7 +281,7 @@ class _Session:
         if self._note_until and time.monotonic() >= self._note_until:
             self._note(state, "")
         self._receive(state)
-        if _rendering(state):
+        if rendering(state):
             # The samples are about to be replaced.
             return True
         with bpy.context.temp_override(window=window):
@@ -501,7 +501,7 @@ def _file_closes(*_: Any) -> None:
     shut_down()
 
 
-def _rendering(state: Any) -> bool:
+def rendering(state: Any) -> bool:
     """Return whether Render or Process works, or Blender renders."""
     return bool(state.running or bpy.app.is_job_running("RENDER"))
 
@@ -589,7 +589,7 @@ class POTMESIL_OT_live(bpy.types.Operator):
             # It was ended from elsewhere, and the undo step is there.
             self._mine = None
             return {"CANCELLED", "PASS_THROUGH"}
-        if _rendering(context.window_manager.potmesil_camera):
+        if rendering(context.window_manager.potmesil_camera):
             # Esc is for the render.
             mine.dragging = False
             return {"PASS_THROUGH"}
