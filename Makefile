@@ -32,7 +32,7 @@ FIGURES_ARGS ?=
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .PHONY: help setup system-packages demo test test-all test-others test-gui benchmark bench-fidelity \
-	bench-flicker bench-speed figures scenes extension extension-release lint format docs clean
+	bench-reflections bench-flicker bench-speed figures scenes extension extension-release lint format docs clean
 
 help:  ## list these targets
 	@echo "make TARGET [BLENDER_VERSION=$(BLENDER_VERSION)]   (one of $(BLENDER_VERSIONS))"
@@ -113,6 +113,9 @@ $(BENCH)/.stamp: .venv/bpy-5.2/.stamp requirements/bench.txt
 
 bench-fidelity: $(BENCH)/.stamp  ## measure depth of field against Cycles, Defocus and GEGL, into build/bench/lens
 	$(BENCH)/bin/python benchmarks/lens_fidelity.py $(BENCH_ARGS)
+
+bench-reflections: $(BENCH)/.stamp  ## measure reflections against Cycles and Blender's nodes, into build/bench/reflections
+	$(BENCH)/bin/python benchmarks/reflection_fidelity.py $(BENCH_ARGS)
 
 bench-flicker: $(BENCH)/.stamp  ## measure flicker in a focus pull and a camera move, into build/bench/flicker
 	$(BENCH)/bin/python benchmarks/flicker.py $(BENCH_ARGS)

@@ -46,9 +46,7 @@ class POTMESIL_OT_render_animation(SteppedOperator, bpy.types.Operator):
         with kept_scene(scene):
             for done, frame in enumerate(frames):
                 scene.frame_set(frame)
-                for share in _named(
-                    frame, export_samples(scene, samples_path(scene), _render(scene, operator))
-                ):
+                for share in _named(frame, export_samples(scene, samples_path(scene), _render(operator))):
                     yield _SAMPLES_SHARE * (done + share) / len(frames)
                 frame_done(_SAMPLES_SHARE * (done + 1) / len(frames))
         yield from by_frames(composite(scene, operator, animation=True), _SAMPLES_SHARE)
@@ -135,7 +133,7 @@ def _frame_steps(
     scene.frame_set(frame)
     with _placeholder(scene, target):
         if renders:
-            for share in export_samples(scene, samples_path(scene), _render(scene, operator)):
+            for share in export_samples(scene, samples_path(scene), _render(operator)):
                 yield start * share
             # The artist may have gone to another frame while Blender rendered.
             scene.frame_set(frame)
@@ -161,11 +159,11 @@ def output_path(scene: bpy.types.Scene, frame: int) -> Path:
     return Path(bpy.path.abspath(scene.render.frame_path(frame=frame)))
 
 
-def _render(scene: bpy.types.Scene, operator: SteppedOperator | None) -> Callable[[], Iterator[float]]:
-    """Return what renders the scene: as Blender's job where its window is to stay free."""
+def _render(operator: SteppedOperator | None) -> Callable[[bpy.types.Scene], Iterator[float]]:
+    """Return what renders a scene: as Blender's job where its window is to stay free."""
     if operator is None:
-        return lambda: render_now(scene)
-    return lambda: render_as_job(operator, scene)
+        return render_now
+    return lambda scene: render_as_job(operator, scene)
 
 
 def _named(frame: int, steps: Iterator[float]) -> Iterator[float]:

@@ -69,6 +69,8 @@ def main(arguments: list[str]) -> int:
             own = scene.potmesil_camera
             parser.set_defaults(coc_model=own.coc_model, psf=own.psf, visibility=own.visibility)
             parser.set_defaults(motion_model=own.motion_model)
+            parser.set_defaults(no_reflections=own.reflections == "OFF")
+            parser.set_defaults(no_shadows=own.reflections != "REFLECTIONS_AND_SHADOWS")
             parser.set_defaults(no_lens=not own.use_lens, no_motion=not own.use_motion)
             parser.set_defaults(uniform_defocus=repr(own.uniform_defocus), fade=repr(own.fade))
             return parser.parse_args(arguments[1:])

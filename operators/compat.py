@@ -48,6 +48,12 @@ def view_layer_denoises(view_layer: bpy.types.ViewLayer) -> bool:
     return bool(getattr(cycles, "use_denoising", True))
 
 
+def use_nodes(owner: Any) -> None:
+    """Give a material or world a node tree, where it has none."""
+    if owner.node_tree is None:
+        owner.use_nodes = True
+
+
 def compositor_tree(scene: bpy.types.Scene) -> Any:
     """Return a scene's compositor tree, or None where it has none."""
     # Blender 5.0 made it a node group like any other.

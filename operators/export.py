@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import bpy
@@ -13,15 +13,19 @@ from bpy.app.translations import pgettext_iface as iface_
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..potmesil_addon.errors import InputError
+from ..potmesil_addon.lamps import lamps_to_json
 from ..potmesil_addon.preflight import Finding, check_scene
+from ..potmesil_addon.samples import SampleLayer
 from . import compat, kernels
-from .animation import curves_of
+from .absence import absent, hidden_from_camera
 from .borrow import Borrowed
+from .lamps import lamps_of
 from .motion import SampledMotion, kept_scene, sample_motion
 from .overscan import borrow_overscan, overscan_margins, uses_overscan
 from .peel import peeled_views, uses_depth_peeling
 from .sampling import borrow_sampling, filter_variance, supersampling
-from .scene import rendered_objects, samples_path, scene_facts  # noqa: F401 - the others look for it here
+from .scene import rendered_objects, samples_path, scene_facts, uses_reflections  # noqa: F401 - for others
+from .seen import SeenLight, borrow_light_passes, keeps_light_passes
 from .work import doing
 
 RENDER_RESULT = "Render Result"
@@ -81,6 +85,8 @@ def borrow_for_render(borrowed: Borrowed, scene: bpy.types.Scene, *, compositing
             if uses_coverages(scene) and not layer.use_pass_cryptomatte_object:
                 borrowed.set(layer, "use_pass_cryptomatte_object", True)
                 borrowed.set(layer, "pass_cryptomatte_depth", _CRYPTOMATTE_RANKS)
+    if uses_reflections(scene) and not compositing:
+        borrow_light_passes(borrowed, scene)
     borrow_sampling(borrowed, scene)
 
 
@@ -102,8 +108,8 @@ def render_samples(context: bpy.types.Context, path: Path) -> None:
         If the file cannot be written.
     """
 
-    def render() -> Iterator[float]:
-        bpy.ops.render.render(scene=context.scene.name)
+    def render(scene: bpy.types.Scene) -> Iterator[float]:
+        bpy.ops.render.render(scene=scene.name)
         yield 1.0
 
     for _ in export_samples(context.scene, path, render):
@@ -111,7 +117,7 @@ def render_samples(context: bpy.types.Context, path: Path) -> None:
 
 
 def export_samples(
-    scene: bpy.types.Scene, path: Path, render: Callable[[], Iterator[float]]
+    scene: bpy.types.Scene, path: Path, render: Callable[[bpy.types.Scene], Iterator[float]]
 ) -> Iterator[float]:
     """Render the current frame and save its samples: follow what moves, render every view, write one file.
 
@@ -126,8 +132,8 @@ def export_samples(
     path : Path
         The samples file; written whole or not at all.
     render : callable
-        Renders the scene into the Render Result, yielding progress. It may yield while Blender renders;
-        closing this generator gives everything back.
+        Renders a scene, which may be a copy, into its Render Result, yielding progress. It may yield while
+        Blender renders; closing this generator gives everything back.
 
     Yields
     ------
@@ -155,6 +161,7 @@ def export_samples(
         tempfile.TemporaryDirectory(prefix="potmesil_") as folder,
     ):
         pixel_variance = filter_variance(scene)
+        keeps_light = keeps_light_passes(scene)
         borrow_for_render(borrowed, scene)
         sample_variance = filter_variance(scene)
         doing(iface_("Following What Moves in Frame {frame}").format(frame=frame))
@@ -163,27 +170,39 @@ def export_samples(
         borrow_overscan(borrowed, scene, margins)
         views: dict[str, Callable[[Borrowed], None]] = {}
         if motion.paths.objects and uses_hidden_surfaces(scene):
-            views[exr.STATIONARY] = lambda own: _hide(own, scene, motion.moving)
+            views[exr.STATIONARY] = lambda own: hidden_from_camera(own, scene, motion.moving)
             views[exr.MOVING] = lambda own: _leave_alone(own, scene, motion)
+            if moves_shadows(scene):
+                views[exr.ABSENT] = lambda own: absent(own, scene, motion.moving)
         if uses_depth_peeling(scene):
             for number, names in enumerate(peeled_views(scene, motion, margins), start=1):
-                views[exr.behind(number)] = functools.partial(_hide, scene=scene, names=names)
+                views[exr.behind(number)] = functools.partial(hidden_from_camera, scene=scene, names=names)
+        seen = (
+            SeenLight(scene, motion, Path(folder), render, save_render) if uses_reflections(scene) else None
+        )
         start, share = _MOTION_SHARE, (1.0 - _MOTION_SHARE) / (len(views) + 1)
         companions: dict[str, Path] = {}
         for suffix, prepare in views.items():
             doing(_rendering(frame, len(companions) + 1, len(views) + 1))
             with Borrowed() as own:
                 prepare(own)
-                yield from scaled(render(), start, share)
+                yield from scaled(render(scene), start, share)
                 companions[suffix] = Path(folder) / f"companion_{len(companions)}.exr"
                 save_render(scene, companions[suffix])
+                if seen is not None:
+                    yield from scaled(seen.probe(suffix, whole=suffix == exr.ABSENT), start + share, 0.0)
             start += share
+        if seen is not None:
+            yield from scaled(seen.probe("", whole=True), start, 0.0)
         doing(_rendering(frame, len(views) + 1, len(views) + 1))
-        yield from scaled(render(), start, share)
+        yield from scaled(render(scene), start, share)
         rendered = Path(folder) / "render.exr"
         save_render(scene, rendered)
+        layers = [] if seen is None else seen.layers(rendered, companions, margins)
         filters = (pixel_variance, sample_variance)
-        annotate_render(scene, rendered, path, motion, filters, companions, margins)
+        annotate_render(
+            scene, rendered, path, motion, filters, companions, margins, layers, keep_light_passes=keeps_light
+        )
 
 
 def _rendering(frame: int, number: int, count: int) -> str:
@@ -202,6 +221,9 @@ def annotate_render(
     variances: tuple[float | None, float | None],
     companions: Mapping[str, Path] | None = None,
     margins: tuple[int, int] = (0, 0),
+    seen: Sequence[SampleLayer] = (),
+    *,
+    keep_light_passes: bool = True,
 ) -> None:
     """Make a samples file of a saved render.
 
@@ -217,8 +239,8 @@ def annotate_render(
         Its camera, and what moves.
     variances : tuple of float or None
         Of the pixel filter that is wanted, and of the one that the samples were rendered with.
-    companions, margins
-        Other views, and overscan: see `exr.annotate`.
+    companions, margins, seen, keep_light_passes
+        Other views, overscan, and what mirrors and glass show: see `exr.annotate`.
 
     Raises
     ------
@@ -229,12 +251,15 @@ def annotate_render(
 
     attributes = exr.camera_attributes(motion.camera, motion.lens, motion.shutter)
     attributes["potmesil:motion"] = motion.paths.to_json()
+    if moves_shadows(scene):
+        graph = next(layer.depsgraph for layer in scene.view_layers if layer.use)
+        attributes["potmesil:lamps"] = lamps_to_json(lamps_of(scene, graph))
     if supersampling(scene) > 1:
         attributes["potmesil:supersampling"] = supersampling(scene)
     if variances[0] is not None:
         filters = {"pixel_variance": variances[0], "sample_variance": variances[1]}
         attributes["potmesil:filter"] = json.dumps(filters)
-    exr.annotate(rendered, path, attributes, companions, margins)
+    exr.annotate(rendered, path, attributes, companions, margins, seen, keep_light_passes=keep_light_passes)
 
 
 def uses_coverages(scene: bpy.types.Scene) -> bool:
@@ -251,7 +276,15 @@ def uses_coverages(scene: bpy.types.Scene) -> bool:
 def uses_hidden_surfaces(scene: bpy.types.Scene) -> bool:
     """Return whether the scene asks for views with and without moving objects and its engine gives them."""
     own = scene.potmesil_camera
-    return bool(own.use_motion and own.use_hidden_surfaces and scene.render.engine == "CYCLES")
+    asked = own.use_hidden_surfaces or moves_shadows(scene)
+    return bool(own.use_motion and asked and scene.render.engine == "CYCLES")
+
+
+def moves_shadows(scene: bpy.types.Scene) -> bool:
+    """Return whether the scene asks for shadows apart from what they fall on, and its engine gives them."""
+    own = scene.potmesil_camera
+    asked = own.reflections == "REFLECTIONS_AND_SHADOWS"
+    return bool(own.use_motion and asked and scene.render.engine == "CYCLES")
 
 
 def _leave_alone(borrowed: Borrowed, scene: bpy.types.Scene, motion: SampledMotion) -> None:
@@ -261,46 +294,7 @@ def _leave_alone(borrowed: Borrowed, scene: bpy.types.Scene, motion: SampledMoti
     # What the viewport does not show was not sampled, and does not count as moving.
     instanced = {name for name, parent in motion.pairs if parent is not None}
     others |= {item.name_full for item in rendered_objects(scene)} - instanced
-    _hide(borrowed, scene, (motion.still | others) - motion.moving)
-
-
-def _hide(borrowed: Borrowed, scene: bpy.types.Scene, names: Collection[str]) -> None:
-    """Hide objects, and the instances of instancers, from the camera; they still cast shadows and light."""
-    # A render that keeps its data would not notice what nothing is told of.
-    borrowed.set(scene.render, "use_persistent_data", False)
-    for item in bpy.data.objects:
-        if item.name_full in names and item.animation_data is not None:
-            for curve in curves_of(item, "visible_camera"):
-                borrowed.set(curve, "mute", True)
-    borrowed.set(_CameraVisibility(), "seen", dict.fromkeys(names, False))
-
-
-class _CameraVisibility:
-    """Which objects the camera sees, as one setting of all objects.
-
-    Changed one by one, each object would be taken for edited, and its physics would start again.
-    """
-
-    id_data = None
-    """What animates it is muted object by object."""
-
-    @property
-    def seen(self) -> dict[str, bool]:
-        """Every object's Camera ray visibility by its full name."""
-        objects = bpy.data.objects
-        values = [False] * len(objects)
-        objects.foreach_get("visible_camera", values)
-        return dict(zip((item.name_full for item in objects), values, strict=True))
-
-    @seen.setter
-    def seen(self, values: dict[str, bool]) -> None:
-        objects = bpy.data.objects
-        now = {**self.seen, **values}
-        objects.foreach_set("visible_camera", [now[item.name_full] for item in objects])
-        # Setting all leaves out what is linked from other files.
-        for item in objects:
-            if item.visible_camera != now[item.name_full]:
-                item.visible_camera = now[item.name_full]
+    hidden_from_camera(borrowed, scene, (motion.still | others) - motion.moving)
 
 
 def save_render(scene: bpy.types.Scene, path: Path) -> None:

@@ -309,6 +309,18 @@ def _clamping_off(context: bpy.types.Context) -> None:
             _set(cycles, name, 0.0)
 
 
+def _reflections_on(context: bpy.types.Context) -> None:
+    _set(context.scene.potmesil_camera, "reflections", "REFLECTIONS")
+
+
+def _reflections_off(context: bpy.types.Context) -> None:
+    _set(context.scene.potmesil_camera, "reflections", "OFF")
+
+
+def _motion_on(context: bpy.types.Context) -> None:
+    _set(context.scene.potmesil_camera, "use_motion", True)
+
+
 def _stereo_off(context: bpy.types.Context) -> None:
     _set(context.scene.render, "use_multiview", False)
 
@@ -381,6 +393,11 @@ WAYS: dict[Fix, _Way] = {
     "camera_blur_off": _Way("Turn Off", "Turn the camera's own depth of field off", _camera_blur_off),
     "denoising_off": _Way("Turn Off", "Turn the denoising of renders off", _denoising_off),
     "clamping_off": _Way("Turn Off", "Set the clamping of light to 0, which is off", _clamping_off),
+    "reflections_on": _Way(
+        "Turn On", "Focus and move what mirrors and glass show apart from their surfaces", _reflections_on
+    ),
+    "reflections_off": _Way("Turn Off", "Do not look for mirrors and glass", _reflections_off),
+    "motion_on": _Way("Turn On", "Turn the motion processor on", _motion_on),
     "stereo_off": _Way("Turn Off", "Render the camera's own view alone", _stereo_off),
     "region_off": _Way("Turn Off", "Render the whole picture", _region_off),
     "compositing_on": _Way("Turn On", "Let renders run the compositor", _compositing_on),

@@ -70,6 +70,7 @@ _OWN_SETTINGS = (
     "coc_model",
     "psf",
     "visibility",
+    "reflections",
     "uniform_defocus",
     "fade",
     "use_motion",

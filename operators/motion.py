@@ -23,7 +23,14 @@ from ..potmesil_addon.paths import CameraPath, MotionPaths, ObjectPath, thinned
 from ..potmesil_addon.shutter import ShutterAttributes
 from .borrow import Borrowed
 from .boxes import UNIT_CORNERS, Boxes
-from .scene import RENDERED_TYPES, evaluated_camera, scene_camera, scene_exposure, scene_lens
+from .scene import (
+    RENDERED_TYPES,
+    evaluated_camera,
+    scene_camera,
+    scene_exposure,
+    scene_lens,
+    uses_reflections,
+)
 
 LARGEST_MARGIN = 0.25
 """Widest overscan, as a share of the picture's side: a render of at most 2.25 times the pixels."""
@@ -231,6 +238,8 @@ class _Sampler:
         self.matrices: dict[float, npt.NDArray[np.float64]] = {}
         self.keys: list[_Key] = []
         self.instances: list[_Instance] = []
+        self.in_view: list[bool] = []
+        self.all_around = uses_reflections(scene)
         self.shapes: dict[str, npt.NDArray[np.float32]] = {}
         self.deforming: set[str] = set()
 
@@ -288,7 +297,10 @@ class _Sampler:
         for key, instance in seen.instances.items():
             matrix = seen.matrices[key]
             finite = np.isfinite(matrix).all() and np.isfinite(instance.box).all()
-            if finite and self._may_be_in_view(matrix, instance.box):
+            in_view = finite and self._may_be_in_view(matrix, instance.box)
+            # A mirror may show what the camera does not.
+            if in_view or (finite and self.all_around):
+                self.in_view.append(in_view)
                 self.keys.append(key)
                 self.instances.append(instance)
         rows = [seen.matrices[key] for key in self.keys]
@@ -477,9 +489,10 @@ class _Sampler:
 
     def _boxes(self) -> Boxes:
         """Return where the instances' boxes are at the rendered frame."""
-        matrices = self.matrices[0.0]
-        world = self.corners @ np.swapaxes(matrices[..., :3], -1, -2) + matrices[:, np.newaxis, :, 3]
-        return Boxes(tuple(instance.owner for instance in self.instances), world)
+        seen = np.flatnonzero(self.in_view)
+        matrices = self.matrices[0.0][seen]
+        world = self.corners[seen] @ np.swapaxes(matrices[..., :3], -1, -2) + matrices[:, np.newaxis, :, 3]
+        return Boxes(tuple(self.instances[n].owner for n in seen), world)
 
     def _margins(self) -> tuple[int, int]:
         """Return how far, across and down, things at the picture's border move during the exposure."""

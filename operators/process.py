@@ -273,6 +273,8 @@ def scene_settings(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> dict[s
         "model": own.coc_model,
         "psf": {"kind": own.psf},
         "visibility": own.visibility,
+        "reflections": own.reflections != "OFF",
+        "shadows": own.reflections == "REFLECTIONS_AND_SHADOWS",
         # Blender keeps camera lengths in millimetres.
         "uniform_defocus": own.uniform_defocus / 1000.0,
         "fade": own.fade,

@@ -31,7 +31,7 @@ class POTMESIL_OT_render(SteppedOperator, bpy.types.Operator):
         if stage_scene(scene) is not None:
             refuse_unready(scene)
         if interactive:
-            for done in export_samples(scene, path, lambda: render_as_job(self, scene)):
+            for done in export_samples(scene, path, lambda wanted: render_as_job(self, wanted)):
                 yield _RENDER_SHARE * done
         else:
             render_samples(context, path)

@@ -18,6 +18,7 @@ from ..potmesil_addon.lens import Lens, circle_of_confusion_at_infinity
 from ..potmesil_addon.paths import thinned
 from ..potmesil_addon.preflight import SceneFacts
 from ..potmesil_addon.shutter import Curve, ShutterAttributes, ShutterPosition, Slit, even_openings
+from ..potmesil_addon.surfaces import SurfaceKind
 from . import compat
 from .stage import stage_scene
 
@@ -53,6 +54,9 @@ def scene_facts(scene: bpy.types.Scene, path: Path | None = None) -> SceneFacts:
     SceneFacts
         Plain values.
     """
+    from .cost import kinds_in  # noqa: PLC0415 - it needs this module
+
+    own = scene.potmesil_camera
     layers = [layer for layer in scene.view_layers if layer.use]
     cycles = compat.cycles_settings(scene) if scene.render.engine == "CYCLES" else None
     camera = scene.camera.data if scene.camera is not None and scene.camera.type == "CAMERA" else None
@@ -62,6 +66,10 @@ def scene_facts(scene: bpy.types.Scene, path: Path | None = None) -> SceneFacts:
     relative = template.startswith("//") and folder == samples_path(scene).parent
     staged = stage_scene(scene) is not None
     switches = compat.compositor_switches(scene)
+    blurs = own.use_lens or own.use_motion
+    shadows = own.reflections == "REFLECTIONS_AND_SHADOWS"
+    # Looking into all materials takes a while, and no other engine tells what they show.
+    kinds = kinds_in(scene) if blurs and cycles is not None else frozenset()
     return SceneFacts(
         engine=scene.render.engine,
         has_cycles=compat.cycles_settings(scene) is not None,
@@ -71,15 +79,13 @@ def scene_facts(scene: bpy.types.Scene, path: Path | None = None) -> SceneFacts:
         has_depth=all(layer.use_pass_z for layer in layers),
         has_vector=all(layer.use_pass_vector for layer in layers),
         has_object_index=all(layer.use_pass_object_index for layer in layers),
-        wants_motion=scene.potmesil_camera.use_motion,
+        wants_motion=own.use_motion,
         motion_blur=scene.render.use_motion_blur,
         depth_of_field=camera is not None and camera.dof.use_dof,
         focus_at_lens=camera is not None
         and camera.dof.focus_object is None
         and camera.dof.focus_distance < _LEAST_FOCUS_DISTANCE,
-        nothing_blurred=camera is not None
-        and scene.potmesil_camera.use_lens
-        and _is_sharp_everywhere(scene, scene.camera),
+        nothing_blurred=camera is not None and own.use_lens and _is_sharp_everywhere(scene, scene.camera),
         renders_anything=bool(layers),
         all_on_index_zero=len(rendered) > 1 and not any(o.pass_index for o in rendered),
         denoising=cycles is not None
@@ -87,6 +93,11 @@ def scene_facts(scene: bpy.types.Scene, path: Path | None = None) -> SceneFacts:
         and any(compat.view_layer_denoises(layer) for layer in layers),
         clamped=cycles is not None
         and (cycles.sample_clamp_direct > 0.0 or 0.0 < cycles.sample_clamp_indirect < DEFAULT_CLAMP),
+        wants_reflections=blurs and own.reflections != "OFF",
+        # Shadows move without mirrors, too.
+        nothing_reflects=uses_reflections(scene) and not (shadows and own.use_motion) and not kinds,
+        flat_mirrors=own.reflections == "OFF" and bool(kinds & {SurfaceKind.MIRROR, SurfaceKind.GLASS}),
+        wants_shadows=shadows,
         stereo=scene.render.use_multiview,
         region=scene.render.use_border and not scene.render.use_crop_to_border,
         compositing_off=staged
@@ -340,6 +351,14 @@ def evaluated_camera(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> 
     if scene.camera is None or scene.camera.type != "CAMERA":
         raise InputError("The scene has no camera; add one and make it active.")
     return scene.camera.evaluated_get(depsgraph)
+
+
+def uses_reflections(scene: bpy.types.Scene) -> bool:
+    """Return whether the scene asks for what mirrors and glass show and its engine tells it."""
+    own = scene.potmesil_camera
+    return bool(
+        own.reflections != "OFF" and (own.use_lens or own.use_motion) and scene.render.engine == "CYCLES"
+    )
 
 
 def as_length(scene: bpy.types.Scene, value: float) -> str:

@@ -248,6 +248,16 @@ def add_process_options(parser: argparse.ArgumentParser) -> None:
         help="aperture: nearer surfaces hide farther ones from parts of the aperture; none: the papers",
     )
     parser.add_argument(
+        "--no-reflections",
+        action="store_true",
+        help="blur what mirrors and glass show as their surfaces, also where the samples have it apart",
+    )
+    parser.add_argument(
+        "--no-shadows",
+        action="store_true",
+        help="leave the shadows of moving objects where they are at the frame",
+    )
+    parser.add_argument(
         "--uniform-defocus",
         metavar="KEYS",
         default="0",
@@ -322,6 +332,8 @@ def process_settings(options: argparse.Namespace, frame: int | None = None) -> P
         ),
         weighting=options.weighting,
         visibility=options.visibility,
+        reflections=not options.no_reflections,
+        shadows=not options.no_shadows,
         uniform_defocus=parse_keys(options.uniform_defocus).at(frame) / 1000.0,
         fade=parse_keys(options.fade).at(frame),
         backend=options.backend,
@@ -836,8 +848,8 @@ def _describe_samples(samples: Samples) -> dict[str, Any]:
                 "motion_px": motion,
                 "companions": [
                     kind
-                    for kind, companion in (("stationary", layer.stationary), ("moving", layer.moving))
-                    if companion is not None
+                    for kind in ("stationary", "moving", "absent", "reflected", "transmitted")
+                    if getattr(layer, kind) is not None
                 ],
             }
         )

@@ -28,8 +28,9 @@ from .aperture import SAMPLE_POSITIONS
 from .camera import Camera, Film, without_scale
 from .errors import InputError, SettingsError
 from .files import whole_file
+from .lamps import Lamp, lamps_from_json
 from .lens import FloatArray, Lens
-from .passes import CRYPTOMATTES, FORWARD, MAX_LEVELS, ChannelName, parse_channel
+from .passes import CRYPTOMATTES, FORWARD, LIGHT_PASSES, MAX_LEVELS, ChannelName, PassName, parse_channel
 from .paths import MotionPaths
 from .samples import (
     Cryptomatte,
@@ -55,11 +56,24 @@ STATIONARY: Final = " (stationary)"
 MOVING: Final = " (moving)"
 """Ends the name of the layer that shows a layer's moving objects alone."""
 
+ABSENT: Final = " (absent)"
+"""Ends the name of the layer that shows a layer's view where its moving objects do not exist."""
+
+REFLECTED: Final = " (reflected)"
+"""Ends the name of the layer of what a layer's polished surfaces reflect."""
+
+TRANSMITTED: Final = " (transmitted)"
+"""Ends the name of the layer of what comes through a layer's glass."""
+
 _BEHIND: Final = re.compile(r"(.*) \(behind ([1-9][0-9]*)\)", re.DOTALL)
 """The name of a layer that shows another's view without what is nearest, as `behind` makes it."""
 
 _HALF_MAX: Final = 65504.0
 """The largest half float, which is what infinity and 1e10 become in a half channel."""
+
+_INTEGERS: Final[tuple[PassName, ...]] = ("object_index", "patch")
+
+_PRIMARIES: Final = 3
 
 _LARGEST_INDEX: Final = np.iinfo(np.int32).max
 
@@ -197,7 +211,7 @@ def samples_of(raw: RawFile, path: Path, layers: tuple[str, ...] | None = None) 
     built = tuple(
         replace(
             _with_companions(name, sets, data_window, repaired),
-            hidden=tuple(_build_layer(other, sets[other], repaired) for other in behind_layers[name]),
+            hidden=tuple(_with_seen(other, sets, data_window, repaired) for other in behind_layers[name]),
         )
         for name in names
     )
@@ -225,6 +239,7 @@ def samples_of(raw: RawFile, path: Path, layers: tuple[str, ...] | None = None) 
         camera=_camera(header, film),
         shutter=_shutter(header),
         paths=_paths(header),
+        lamps=_lamps(header),
         repaired=repaired,
         attributes={key: header[key] for key in _CARRIED if key in header},
     )
@@ -239,6 +254,34 @@ def _pixel_filter(header: dict[str, Any], path: Path) -> PixelFilter | None:
         return PixelFilter(float(stored["pixel_variance"]), float(stored["sample_variance"]))
     except (TypeError, ValueError, KeyError, SettingsError) as error:
         raise InputError(f"The pixel filter in '{path}' cannot be read; render the samples again.") from error
+
+
+def read_light_passes(path: Path) -> dict[str, dict[PassName, Float32Array]]:
+    """Read the colour of each layer of a render, and the passes that its light is parted by.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    dict of str to dict of str to ndarray of float32 of shape (rows, columns, 3 or 4)
+        By layer and pass.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    found: dict[str, dict[PassName, Float32Array]] = {}
+    for name, channels in _layer_channels(read_raw(path), light=True).items():
+        for which in ("combined", *LIGHT_PASSES):
+            planes = [channels[which, n].pixels for n in range(4) if (which, n) in channels]
+            if len(planes) >= _PRIMARIES:
+                values = np.stack(planes, axis=-1).astype(np.float32)
+                found.setdefault(name, {})[which] = np.nan_to_num(values, posinf=0.0, neginf=0.0)
+    return found
 
 
 def camera_attributes(camera: Camera, lens: Lens, shutter: ShutterAttributes) -> dict[str, Any]:
@@ -300,6 +343,9 @@ def annotate(
     attributes: Mapping[str, Any],
     companions: Mapping[str, Path] | None = None,
     margins: tuple[int, int] = (0, 0),
+    seen: Sequence[SampleLayer] = (),
+    *,
+    keep_light_passes: bool = True,
 ) -> None:
     """Copy an EXR file with attributes added to its first part, and with other views of its layers.
 
@@ -313,10 +359,14 @@ def annotate(
         Header attributes.
     companions : mapping of str to Path, optional
         Files of the same layers seen otherwise, by the suffix that the names of their layers are given
-        (`STATIONARY`, `MOVING`, `behind`). Of their passes those that samples have are kept.
+        (`STATIONARY`, `MOVING`, `ABSENT`, `behind`). Of their passes those that samples have are kept.
     margins : tuple of int
         Columns and rows on each side that were rendered beyond the picture: overscan, which lies in the
         data window and not in the display window.
+    seen : sequence of SampleLayer
+        What mirrors and glass show, under names that end with `REFLECTED` or `TRANSMITTED`.
+    keep_light_passes : bool
+        Whether to keep the passes that these were made of.
 
     Raises
     ------
@@ -334,9 +384,12 @@ def annotate(
         if {_part_windows(part) for part in other.parts} != windows or (len(other.parts) == 1) != single:
             raise InputError(f"'{path}' has other pixels than '{source}'; render both again.")
         added.extend(_add_companion(file, other, suffix))
-    if added:
+    for layer in seen:
+        added.extend(_add_seen(file, layer))
+    parts = file.parts if keep_light_passes else list(_without_light_passes(file))
+    if added or len(parts) != len(file.parts):
         # The module knows the size only of parts that are there when it makes the file.
-        file = OpenEXR.File([*file.parts, *added])
+        file = OpenEXR.File([*parts, *added])
     file.parts[0].header.update(attributes)
     shared = {name: attributes[name] for name in _SHARED_BY_PARTS if name in attributes}
     for part in file.parts:
@@ -383,7 +436,10 @@ def _add_companion(file: Any, other: Any, suffix: str) -> list[Any]:
         kept = [
             (full, parsed, channel)
             for own, full, parsed, channel in named
-            if own is part and parsed.name is not None and parsed.layer in layers
+            if own is part
+            and parsed.name is not None
+            and parsed.name not in LIGHT_PASSES
+            and parsed.layer in layers
         ]
         if not kept:
             continue
@@ -397,6 +453,43 @@ def _add_companion(file: Any, other: Any, suffix: str) -> list[Any]:
             name = _with_suffix(str(part.header.get("name", "")), kept[0][1].layer, suffix)
             added.append(OpenEXR.Part(header, channels, name))
     return added
+
+
+def _add_seen(file: Any, layer: SampleLayer) -> list[Any]:
+    """Add a layer to a file's only part, or return a part with it to add."""
+    values = {f"Combined.{name}": layer.color[..., n] for n, name in enumerate("RGBA")}
+    if layer.depth is not None:
+        values["Depth.Z"] = np.where(
+            np.isfinite(layer.depth), layer.depth, np.float32(10.0 * _NO_SURFACE_DEPTH)
+        )
+    if layer.object_index is not None:
+        values["Object Index.X"] = layer.object_index.astype(np.float32)
+    if layer.patch is not None:
+        values["Patch.X"] = layer.patch.astype(np.float32)
+    if layer.astigmatism is not None:
+        values.update((f"Astigmatism.{name}", layer.astigmatism[..., n]) for n, name in enumerate("XY"))
+    if layer.vector is not None:
+        values.update((f"Vector.{name}", layer.vector[..., n]) for n, name in enumerate("XYZW"))
+    channels = {f"{layer.name}.{name}": np.ascontiguousarray(pixels) for name, pixels in values.items()}
+    if len(file.parts) == 1:
+        for name, pixels in channels.items():
+            file.parts[0].channels[name] = OpenEXR.Channel(name, pixels)
+        return []
+    header = {k: v for k, v in file.parts[0].header.items() if k not in ("channels", "chunkCount", "name")}
+    return [OpenEXR.Part(header, channels, layer.name)]
+
+
+def _without_light_passes(file: Any) -> Iterator[Any]:
+    """Yield a file's parts without the passes that light is parted by; parts that hold nothing else go."""
+    views = _views(file.parts)
+    single = len(file.parts) == 1
+    for part in file.parts:
+        part_name = "" if single else str(part.header.get("name", ""))
+        for name in list(part.channels):
+            if parse_channel(_full_name(part_name, name), views).name in LIGHT_PASSES:
+                del part.channels[name]
+        if part.channels:
+            yield part
 
 
 def _with_suffix(name: str, layer: str, suffix: str) -> str:
@@ -489,11 +582,14 @@ def _refuse_unsupported(path: Path, header: Mapping[str, Any]) -> None:
         )
 
 
-def _layer_channels(raw: RawFile) -> dict[str, dict[tuple[str, int], Channel]]:
-    """Return, for each layer that has red, green and blue, its channels by pass and component."""
+def _layer_channels(raw: RawFile, *, light: bool = False) -> dict[str, dict[tuple[str, int], Channel]]:
+    """Return, for each layer that has red, green and blue, its channels by pass and component.
+
+    Samples have no use for the passes that light is parted by.
+    """
     sets: dict[str, dict[tuple[str, int], Channel]] = {}
     for channel in raw.channels:
-        if channel.parsed.name is not None:
+        if channel.parsed.name is not None and (light or channel.parsed.name not in LIGHT_PASSES):
             key = (channel.parsed.name, channel.parsed.component)
             sets.setdefault(channel.parsed.layer, {}).setdefault(key, channel)
     return {
@@ -518,7 +614,8 @@ def _with_fitting_cryptomatte(
 def _choose_layers(
     path: Path, sets: Mapping[str, Mapping[tuple[str, int], Channel]], wanted: tuple[str, ...] | None
 ) -> tuple[str, ...]:
-    companions = {f"{name}{suffix}" for name in sets for suffix in (STATIONARY, MOVING)}
+    suffixes = (STATIONARY, MOVING, ABSENT, REFLECTED, TRANSMITTED)
+    companions = {f"{name}{suffix}" for name in sets for suffix in suffixes}
     companions.update(name for name in sets if (match := _BEHIND.fullmatch(name)) and match[1] in sets)
     sets = {name: channels for name, channels in sets.items() if name not in companions}
     if wanted is not None:
@@ -577,15 +674,39 @@ def _with_companions(
     data_window: Window,
     repaired: dict[str, int],
 ) -> SampleLayer:
-    """Return a layer with the layers of what its moving objects hide and of what hides them."""
-    layer = _build_layer(name, sets[name], repaired)
-    companions = [sets.get(f"{name}{suffix}") for suffix in (STATIONARY, MOVING)]
-    if any(c is None or {channel.window for channel in c.values()} != {data_window} for c in companions):
+    """Return a layer with those of its other views, and of what its mirrors and glass show."""
+    layer = _with_seen(name, sets, data_window, repaired)
+    if not all(_is_whole(sets, f"{name}{suffix}", data_window) for suffix in (STATIONARY, MOVING)):
         return layer
     stationary, moving = (
-        _build_layer(f"{name}{suffix}", sets[f"{name}{suffix}"], repaired) for suffix in (STATIONARY, MOVING)
+        _with_seen(f"{name}{suffix}", sets, data_window, repaired) for suffix in (STATIONARY, MOVING)
     )
-    return replace(layer, stationary=stationary, moving=moving)
+    absent = None
+    if _is_whole(sets, f"{name}{ABSENT}", data_window):
+        absent = _with_seen(f"{name}{ABSENT}", sets, data_window, repaired)
+    return replace(layer, stationary=stationary, moving=moving, absent=absent)
+
+
+def _is_whole(sets: Mapping[str, Mapping[tuple[str, int], Channel]], name: str, data_window: Window) -> bool:
+    """Return whether there is a layer of a name, with a file's own pixels."""
+    return name in sets and {channel.window for channel in sets[name].values()} == {data_window}
+
+
+def _with_seen(
+    name: str,
+    sets: Mapping[str, Mapping[tuple[str, int], Channel]],
+    data_window: Window,
+    repaired: dict[str, int],
+) -> SampleLayer:
+    """Return a layer with what its mirrors and glass show."""
+    reflected, transmitted = (
+        _build_layer(f"{name}{suffix}", sets[f"{name}{suffix}"], repaired)
+        if _is_whole(sets, f"{name}{suffix}", data_window)
+        else None
+        for suffix in (REFLECTED, TRANSMITTED)
+    )
+    layer = _build_layer(name, sets[name], repaired)
+    return replace(layer, reflected=reflected, transmitted=transmitted)
 
 
 def _build_layer(
@@ -608,12 +729,7 @@ def _build_layer(
             depth[(depth <= 0.0) | (depth >= far)] = np.inf
         _count(repaired, "depth", _repair_depth(depth))
 
-    index = None
-    if ("object_index", 0) in channels:
-        values = channels["object_index", 0].pixels.astype(np.float64)
-        broken = ~(np.abs(values) <= _LARGEST_INDEX)
-        _count(repaired, "object_index", int(broken.sum()))
-        index = np.rint(np.where(broken, 0.0, values)).astype(np.int32)
+    index, patch = (_integers(channels, which, repaired) for which in _INTEGERS)
 
     vector = None
     if all(("vector", component) in channels for component in (2, 3)):
@@ -626,7 +742,26 @@ def _build_layer(
                 forward = channel.full_name.rpartition(".")[2] in FORWARD
                 vector[..., component] = -channel.pixels if forward else channel.pixels
         _count(repaired, "vector", repair(vector, np.asarray(~np.isfinite(vector).all(axis=2))))
-    return SampleLayer(name, color, depth, index, vector, cryptomatte=_cryptomatte(channels))
+    astigmatism = None
+    if all(("astigmatism", component) in channels for component in (0, 1)):
+        planes = [channels["astigmatism", component].pixels for component in (0, 1)]
+        astigmatism = np.nan_to_num(np.stack(planes, axis=-1).astype(np.float32), posinf=0.0, neginf=0.0)
+    matte = _cryptomatte(channels)
+    return SampleLayer(
+        name, color, depth, index, vector, cryptomatte=matte, patch=patch, astigmatism=astigmatism
+    )
+
+
+def _integers(
+    channels: Mapping[tuple[str, int], Channel], which: PassName, repaired: dict[str, int]
+) -> npt.NDArray[np.int32] | None:
+    """Return a pass of whole numbers, None where a layer lacks it."""
+    if (which, 0) not in channels:
+        return None
+    values = channels[which, 0].pixels.astype(np.float64)
+    broken = ~(np.abs(values) <= _LARGEST_INDEX)
+    _count(repaired, which, int(broken.sum()))
+    return np.asarray(np.rint(np.where(broken, 0.0, values)), dtype=np.int32)
 
 
 def _cryptomatte(channels: Mapping[tuple[str, int], Channel]) -> Cryptomatte | None:
@@ -700,6 +835,12 @@ def _shutter(header: Mapping[str, Any]) -> ShutterAttributes:
         exposure_time=_number(header, "expTime"),
         frames_per_second=_number(header, "framesPerSecond"),
     )
+
+
+def _lamps(header: Mapping[str, Any]) -> tuple[Lamp, ...]:
+    """Return the lamps that a file names."""
+    text = header.get("potmesil:lamps")
+    return lamps_from_json(text) if isinstance(text, str) else ()
 
 
 def _paths(header: Mapping[str, Any]) -> MotionPaths | None:

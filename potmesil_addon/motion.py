@@ -28,6 +28,7 @@ from .sheets import (
     covered_movers,
     cut_out_movers,
     filled_in,
+    inverse_depth,
     join,
     rendered_movers,
     whole_sheet,
@@ -228,6 +229,11 @@ def prepare(layer: SampleLayer, samples: Samples, settings: MotionSettings) -> M
     if np.count_nonzero(moves) > _MOSTLY * samples.display_window.rows * samples.display_window.columns:
         return probe.motion([sheet], None, travel[np.newaxis], moving, "filled")
     movers, color, depth, guessed = cut_out_movers(layer, tracks, moves)
+    if layer.absent is not None and layer.absent.depth is not None:
+        # What is behind is known, and not only guessed.
+        color = np.where((guessed > 0.0)[..., np.newaxis], layer.absent.color, color)
+        depth = np.where(guessed > 0.0, inverse_depth(layer.absent), depth)
+        guessed = np.zeros_like(guessed)
     background = background_of(samples, color, depth, guessed)
     return probe.motion([movers], background, np.where(moves, travel, 0.0)[np.newaxis], moving, "filled")
 

@@ -15,6 +15,16 @@ PassName = Literal[
     "cryptomatte_asset",
     "cryptomatte_material",
     "cryptomatte",
+    "glossy_direct",
+    "glossy_indirect",
+    "glossy_color",
+    "transmission_direct",
+    "transmission_indirect",
+    "transmission_color",
+    "noisy",
+    "normal",
+    "patch",
+    "astigmatism",
 ]
 
 _ALIASES: Final[dict[str, PassName]] = {
@@ -30,7 +40,35 @@ _ALIASES: Final[dict[str, PassName]] = {
     "IndexOB": "object_index",  # Blender up to 4.5
     "Vector": "vector",
     "forward": "vector",  # only the way to the next frame
+    "Glossy Direct": "glossy_direct",
+    "GlossDir": "glossy_direct",  # these six in Blender up to 4.5
+    "Glossy Indirect": "glossy_indirect",
+    "GlossInd": "glossy_indirect",
+    "Glossy Color": "glossy_color",
+    "GlossCol": "glossy_color",
+    "Transmission Direct": "transmission_direct",
+    "TransDir": "transmission_direct",
+    "Transmission Indirect": "transmission_indirect",
+    "TransInd": "transmission_indirect",
+    "Transmission Color": "transmission_color",
+    "TransCol": "transmission_color",
+    "Noisy Image": "noisy",
+    "Normal": "normal",
+    "Patch": "patch",
+    "Astigmatism": "astigmatism",
 }
+
+LIGHT_PASSES: Final[tuple[PassName, ...]] = (
+    "glossy_direct",
+    "glossy_indirect",
+    "glossy_color",
+    "transmission_direct",
+    "transmission_indirect",
+    "transmission_color",
+    "noisy",
+    "normal",
+)
+"""Passes that light is parted by; a samples file holds what is made of them."""
 
 FORWARD: Final = ("u", "v")
 """Components of a ``forward`` pass, which are a vector's last two."""
@@ -40,6 +78,10 @@ _COMPONENTS: Final[dict[PassName, tuple[str, ...]]] = {
     "depth": ("Z", "V"),
     "object_index": ("X", "V"),
     "vector": ("X", "Y", "Z", "W"),
+    **dict.fromkeys(LIGHT_PASSES, ("R", "G", "B", "A")),
+    "normal": ("X", "Y", "Z"),
+    "patch": ("X",),
+    "astigmatism": ("X", "Y"),
 }
 
 CRYPTOMATTES: Final[tuple[PassName, ...]] = (
@@ -134,7 +176,7 @@ def parse_channel(channel: str, views: tuple[str, ...] = ()) -> ChannelName:
         return ChannelName(layer, None, 0, other_view)
     index = _COMPONENTS[name].index(component)
     # Depth and index have one component under either of two names.
-    return ChannelName(layer, name, index if name in ("combined", "vector") else 0, other_view)
+    return ChannelName(layer, name, 0 if name in ("depth", "object_index") else index, other_view)
 
 
 def _cryptomatte_name(kind: str | None) -> PassName:

@@ -19,6 +19,9 @@ Fix = Literal[
     "camera_blur_off",
     "denoising_off",
     "clamping_off",
+    "reflections_on",
+    "reflections_off",
+    "motion_on",
     "stereo_off",
     "region_off",
     "compositing_on",
@@ -75,6 +78,14 @@ class SceneFacts:
         Whether the render is denoised.
     clamped : bool
         Whether sample values are clamped.
+    wants_reflections : bool
+        Whether what mirrors and glass show is asked for, and something blurs it.
+    nothing_reflects : bool
+        Whether that alone is asked for, and there is neither mirror nor glass.
+    flat_mirrors : bool
+        Whether there are mirrors or glass, something blurs them, and what they show is not asked for.
+    wants_shadows : bool
+        Whether shadows are to move.
     stereo : bool
         Whether several views are rendered.
     region : bool
@@ -110,6 +121,10 @@ class SceneFacts:
     all_on_index_zero: bool = False
     denoising: bool = False
     clamped: bool = False
+    wants_reflections: bool = False
+    nothing_reflects: bool = False
+    flat_mirrors: bool = False
+    wants_shadows: bool = False
     stereo: bool = False
     region: bool = False
     compositing_off: bool = False
@@ -260,6 +275,15 @@ def _warnings(facts: SceneFacts) -> list[Finding]:
                 "use_cycles",
             )
         )
+        if facts.wants_reflections:
+            found.append(
+                Finding(
+                    "warning",
+                    "Reflections Without Cycles",
+                    "Only Cycles tells what mirrors and glass show; use it, or turn Reflections off.",
+                    "use_cycles",
+                )
+            )
     if missing:
         found.append(
             Finding(
@@ -371,6 +395,33 @@ def _notes(facts: SceneFacts) -> list[Finding]:
                 "Samples Clamped",
                 "Clamping dims highlights, and with them the discs they blur into; set it to 0.",
                 "clamping_off",
+            )
+        )
+    if facts.nothing_reflects:
+        found.append(
+            Finding(
+                "note",
+                "Nothing Reflects",
+                "No material is smooth enough; raise the Roughness Limit, or turn Reflections off.",
+                "reflections_off",
+            )
+        )
+    if facts.flat_mirrors:
+        found.append(
+            Finding(
+                "note",
+                "Reflections Off",
+                "What mirrors and glass show is blurred as their surfaces are; turn Reflections on.",
+                "reflections_on",
+            )
+        )
+    if facts.wants_shadows and not facts.wants_motion:
+        found.append(
+            Finding(
+                "note",
+                "Shadows Do Not Move",
+                "Shadows are moved by the motion processor alone, and it is off; turn it on.",
+                "motion_on",
             )
         )
     if facts.one_samples_file:

@@ -190,6 +190,10 @@ class _Grid:
             stationary=None if layer.stationary is None else self.layer(layer.stationary),
             moving=None if layer.moving is None else self.layer(layer.moving),
             hidden=tuple(self.layer(view) for view in layer.hidden),
+            reflected=None if layer.reflected is None else self.layer(layer.reflected),
+            transmitted=None if layer.transmitted is None else self.layer(layer.transmitted),
+            patch=pick(layer.patch),
+            astigmatism=pick(layer.astigmatism),
         )
 
     def _chosen(self, layer: SampleLayer) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

@@ -23,6 +23,8 @@ from .progress import scaled
 from .psf import PsfSettings
 from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window
 from .scatter import Backend, uses_numba
+from .seen import put_together, spread_out, take_apart
+from .shadows import moved_shadows
 from .sheets import on_display
 from .shutter import ShutterAttributes
 from .variation import variation
@@ -72,6 +74,11 @@ class ProcessSettings:
         Weights of the samples.
     visibility : {"aperture", "none"}
         Whether nearer surfaces hide farther ones from parts of the aperture, or, as in the papers, not.
+    reflections : bool
+        Blur what the file has of mirrors and glass with the depth and motion of what is seen there, or with
+        those of the surface.
+    shadows : bool
+        Move the shadows of moving objects, where the file has them apart.
     uniform_defocus : float
         Diameter in metres on the film of the circle that the finished picture is evenly defocused by.
     fade : float
@@ -96,6 +103,8 @@ class ProcessSettings:
     psf: PsfSettings = field(default_factory=PsfSettings)
     weighting: Weighting = "1982"
     visibility: Visibility = "aperture"
+    reflections: bool = True
+    shadows: bool = True
     uniform_defocus: float = 0.0
     fade: float = 1.0
     backend: Backend = "auto"
@@ -169,7 +178,7 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
     layers = sorted(samples.layers, key=_middle_depth) if len(samples.layers) > 1 else samples.layers
     share = (1.0 if printed is None else _CAMERA_SHARE) / len(layers)
     for number, layer in enumerate(layers):
-        steps = _process_layer(layer, samples, focus, motion)
+        steps = _process_parts(layer, samples, focus, motion, settings)
         done.append((yield from scaled(steps, number * share, share)))
     picture, guessed, doubt = done[0].picture, done[0].guessed, done[0].doubt
     for behind in done[1:]:
@@ -232,6 +241,48 @@ class _Layer:
     doubt: Float32Array
     focus: FocusReport | None = None
     motion: MotionReport | None = None
+
+
+def _process_parts(
+    layer: SampleLayer,
+    samples: Samples,
+    focus: FocusSettings | None,
+    motion: MotionSettings | None,
+    settings: ProcessSettings,
+) -> Generator[float, None, _Layer]:
+    """Run the processors on one layer, and on what its mirrors and glass show by itself."""
+    blurs = focus is not None or motion is not None
+    parts = take_apart(layer) if settings.reflections and blurs else None
+    # A mirror's picture of what moves is no shadow.
+    lit = layer if parts is None else parts.surfaces
+    if motion is not None and settings.shadows:
+        lit = moved_shadows(lit, samples, motion, settings.backend)
+    if parts is None:
+        return (yield from _process_layer(lit, samples, focus, motion))
+    share = 1.0 / (1 + len(parts.shares) + len(parts.contents))
+    surfaces = yield from scaled(_process_layer(lit, samples, focus, motion), 0.0, share)
+    done, shares, contents = share, [], []
+    for layer_of_shares in parts.shares:
+        steps = _process_layer(layer_of_shares, samples, focus, motion)
+        shares.append((yield from scaled(steps, done, share)).picture)
+        done += share
+    for content in parts.contents:
+        # Paths are those of surfaces: what is seen has its own in its vectors.
+        window = content.window(samples.data_window)
+        display = window.intersection(samples.display_window)
+        done += share
+        if display.columns == 0 or display.rows == 0:
+            contents.append((np.zeros((0, 0, 4), dtype=np.float32), slice(0, 0), slice(0, 0)))
+            continue
+        alone = replace(samples, paths=None, data_window=window, display_window=display)
+        still = content.layer.vector is None
+        seen = content.layer if focus is None else spread_out(content.layer, focus)
+        steps = _process_layer(seen, alone, focus, None if still else motion)
+        shown = yield from scaled(steps, done - share, share)
+        contents.append((shown.picture, *display.within(samples.display_window)))
+    picture = surfaces.picture.copy()
+    picture[..., :3] += put_together(shares, contents)
+    return replace(surfaces, picture=picture)
 
 
 def _process_layer(

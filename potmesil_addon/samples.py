@@ -12,6 +12,7 @@ import numpy.typing as npt
 from .aperture import SamplePosition
 from .camera import Camera, Film
 from .errors import SettingsError
+from .lamps import Lamp
 from .paths import MotionPaths
 from .shutter import ShutterAttributes
 
@@ -91,6 +92,18 @@ class SampleLayer:
         The same view with more and more of what is nearest left out, so that what it hides is there.
     cryptomatte : Cryptomatte or None
         Coverages of the objects that are seen.
+    reflected, transmitted : SampleLayer or None
+        The part of the layer's light that polished surfaces reflect, and that comes through glass. Its
+        alpha is what share of white light the surface reflects or lets through; depth, index and vector
+        are those of what is seen there, where it appears. Of a layer that is part of another one only the
+        colours are known.
+    patch : ndarray of int32 of shape (rows, columns) or None
+        Of light that is reflected or transmitted: patches of mirrors and glass that lie beside each other
+        have different numbers, from 1; what one shows does not spread into another.
+    astigmatism : ndarray of float32 of shape (rows, columns, 2) or None
+        Of light that is reflected or transmitted: see `specular.Seen`.
+    absent : SampleLayer or None
+        The same view where what moves does not exist, so that its shadow and its light are missing.
     """
 
     name: str
@@ -102,6 +115,11 @@ class SampleLayer:
     moving: SampleLayer | None = None
     hidden: tuple[SampleLayer, ...] = ()
     cryptomatte: Cryptomatte | None = None
+    reflected: SampleLayer | None = None
+    transmitted: SampleLayer | None = None
+    absent: SampleLayer | None = None
+    patch: npt.NDArray[np.int32] | None = None
+    astigmatism: Float32Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +196,8 @@ class Samples:
         The exposure.
     paths : MotionPaths or None
         Where moving objects and the camera are over time.
+    lamps : tuple of Lamp
+        What casts shadows.
     repaired : dict of str to int
         How many values of each kind were not finite and were replaced from their neighbours.
     attributes : dict
@@ -196,6 +216,7 @@ class Samples:
     camera: Camera | None = None
     shutter: ShutterAttributes = field(default_factory=ShutterAttributes)
     paths: MotionPaths | None = None
+    lamps: tuple[Lamp, ...] = ()
     repaired: dict[str, int] = field(default_factory=dict)
     attributes: dict[str, Any] = field(default_factory=dict)
 

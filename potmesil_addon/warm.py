@@ -124,16 +124,25 @@ def _cut(layer: SampleLayer, cut: tuple[slice, slice]) -> SampleLayer:
     if matte is not None:
         ids, coverage = matte.ids[:, cut[0], cut[1]], matte.coverage[:, cut[0], cut[1]]
         matte = replace(matte, ids=np.ascontiguousarray(ids), coverage=np.ascontiguousarray(coverage))
+
+    def view(other: SampleLayer | None) -> SampleLayer | None:
+        return None if other is None else _cut(other, cut)
+
     return replace(
         layer,
         color=part(layer.color),
         depth=part(layer.depth),
         object_index=part(layer.object_index),
         vector=part(layer.vector),
-        stationary=None if layer.stationary is None else _cut(layer.stationary, cut),
-        moving=None if layer.moving is None else _cut(layer.moving, cut),
+        stationary=view(layer.stationary),
+        moving=view(layer.moving),
         hidden=tuple(_cut(hidden, cut) for hidden in layer.hidden),
         cryptomatte=matte,
+        reflected=view(layer.reflected),
+        transmitted=view(layer.transmitted),
+        absent=view(layer.absent),
+        patch=part(layer.patch),
+        astigmatism=part(layer.astigmatism),
     )
 
 

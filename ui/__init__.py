@@ -19,6 +19,7 @@ from . import (
 CLASSES = (
     properties.PotmesilSceneSettings,
     properties.PotmesilCollectionSettings,
+    properties.PotmesilObjectSettings,
     properties.PotmesilState,
     *presets.CLASSES,
     *camera_tab.CLASSES,
@@ -40,6 +41,9 @@ def register() -> None:
     bpy.types.Collection.potmesil_camera = bpy.props.PointerProperty(
         type=properties.PotmesilCollectionSettings
     )
+    bpy.types.Object.potmesil_camera = bpy.props.PointerProperty(
+        type=properties.PotmesilObjectSettings, override={"LIBRARY_OVERRIDABLE"}
+    )
     bpy.types.WindowManager.potmesil_camera = bpy.props.PointerProperty(type=properties.PotmesilState)
     viewport.register()
 
@@ -48,6 +52,7 @@ def unregister() -> None:
     """Unregister panels, properties and translations."""
     viewport.unregister()
     del bpy.types.WindowManager.potmesil_camera
+    del bpy.types.Object.potmesil_camera
     del bpy.types.Collection.potmesil_camera
     del bpy.types.Scene.potmesil_camera
     presets.unregister()

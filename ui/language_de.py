@@ -59,6 +59,7 @@ GERMAN: dict[str, str] = {
     "Following What Moves in Frame {frame}": "Bewegungen in Bild {frame} verfolgen",
     "Rendering Frame {frame}": "Bild {frame} rendern",
     "Rendering Frame {frame}, View {number} of {count}": "Bild {frame} rendern, Ansicht {number} von {count}",
+    "Probing Mirrors and Glass of Frame {frame}": "Spiegel und Glas in Bild {frame} sondieren",
     "Processing Frame {frame}": "Bild {frame} verarbeiten",
     "Compositing Frame {frame}": "Compositing von Bild {frame}",
     "Compositing All Frames": "Compositing aller Bilder",
@@ -523,6 +524,78 @@ GERMAN: dict[str, str] = {
     "No collection is marked Peel Off, in its own properties.": (
         "Keine Sammlung ist in ihren Eigenschaften mit „Abschälen“ markiert."
     ),
+    "Reflections": "Spiegelungen",
+    (
+        "Focus and move what mirrors and glass show apart from the surfaces that show it. Probes of one "
+        "sample a pixel find how far it is and how it moves"
+    ): (
+        "Was Spiegel und Glas zeigen, getrennt von den Flächen fokussieren und bewegen, die es zeigen. "
+        "Sonden mit einem Abtastwert je Pixel finden, wie fern es ist und wie es sich bewegt"
+    ),
+    "What mirrors and glass show is focused and moves as their surfaces do": (
+        "Was Spiegel und Glas zeigen, wird fokussiert und bewegt sich wie ihre Flächen"
+    ),
+    (
+        "What mirrors and glass show is focused by its distance along the path of the light, and moves by "
+        "itself"
+    ): (
+        "Was Spiegel und Glas zeigen, wird nach seiner Distanz entlang des Lichtwegs fokussiert und bewegt "
+        "sich für sich"
+    ),
+    "Reflections and Shadows": "Spiegelungen und Schatten",
+    (
+        "Shadows of moving objects move, too. Frames with moving objects need the views of Hidden Surfaces "
+        "and one more"
+    ): (
+        "Auch die Schatten bewegter Objekte bewegen sich. Bilder mit bewegten Objekten brauchen die "
+        "Ansichten von „Verdeckte Flächen“ und eine weitere"
+    ),
+    "Roughness Limit": "Rauheitsgrenze",
+    (
+        "Objects whose materials are rougher than this do not count as mirrors or glass: what they show "
+        "keeps the depth of their surface"
+    ): (
+        "Objekte mit raueren Materialien gelten nicht als Spiegel oder Glas: Was sie zeigen, behält die "
+        "Tiefe ihrer Oberfläche"
+    ),
+    "No material is a mirror, glass or polished within the limit.": (
+        "Kein Material ist innerhalb der Grenze ein Spiegel, Glas oder poliert."
+    ),
+    "Up to {full} Renders": "Bis zu {full} Renderings",
+    "Up to {full} Renders and {probes} Probes": "Bis zu {full} Renderings und {probes} Sonden",
+    "1 Render and {probes} Probes": "1 Rendering und {probes} Sonden",
+    "Surface": "Oberfläche",
+    "What light does at this object, where Reflections is on": (
+        "Was Licht an diesem Objekt tut, wenn „Spiegelungen“ eingeschaltet ist"
+    ),
+    "As Material": "Wie Material",
+    "As the object's materials say": "Wie die Materialien des Objekts es sagen",
+    "Opaque": "Undurchsichtig",
+    "Its surface is what is seen: nothing is followed further": (
+        "Zu sehen ist seine Oberfläche: Nichts wird weiter verfolgt"
+    ),
+    "Polished": "Poliert",
+    (
+        "A clear coat over something opaque: it reflects where it is seen directly, and ends a path of light "
+        "that comes from another mirror"
+    ): (
+        "Ein Klarlack über etwas Undurchsichtigem: Es spiegelt, wo es direkt zu sehen ist, und beendet einen "
+        "Lichtweg, der von einem anderen Spiegel kommt"
+    ),
+    "Mirror": "Spiegel",
+    "Metal: it always reflects": "Metall: Es spiegelt immer",
+    "Glass": "Glas",
+    "It lets light through and bends it, and reflects where it is seen directly": (
+        "Es lässt Licht durch und bricht es, und spiegelt, wo es direkt zu sehen ist"
+    ),
+    "Clear": "Klar",
+    "Light goes straight through": "Licht geht geradewegs hindurch",
+    "As Material: Opaque": "Wie Material: Undurchsichtig",
+    "As Material: Polished": "Wie Material: Poliert",
+    "As Material: Mirror": "Wie Material: Spiegel",
+    "As Material: Glass": "Wie Material: Glas",
+    "As Material: Clear": "Wie Material: Klar",
+    "As Material: Differs by Slot": "Wie Material: je Slot verschieden",
     "Show Quality Maps": "Qualitätskarten anzeigen",
     (
         "Let Process also make the images Potmesil Error, how far each pixel is expected to be off, and "
@@ -574,6 +647,11 @@ GERMAN: dict[str, str] = {
     "Set the clamping of light to 0, which is off": (
         "Die Begrenzung des Lichts auf 0 setzen, also ausschalten"
     ),
+    "Focus and move what mirrors and glass show apart from their surfaces": (
+        "Was Spiegel und Glas zeigen, getrennt von ihren Flächen fokussieren und bewegen"
+    ),
+    "Do not look for mirrors and glass": "Nicht nach Spiegeln und Glas suchen",
+    "Turn the motion processor on": "Den Bewegungsprozessor einschalten",
     "Render the camera's own view alone": "Nur die eigene Ansicht der Kamera rendern",
     "Render the whole picture": "Das ganze Bild rendern",
     "Let renders run the compositor": "Beim Rendern den Kompositor ausführen",
@@ -687,6 +765,22 @@ GERMAN: dict[str, str] = {
     "Clamping dims highlights, and with them the discs they blur into; set it to 0.": (
         "Begrenzen dunkelt Lichter ab und mit ihnen ihre Unschärfescheiben; auf 0 setzen."
     ),
+    "Reflections Without Cycles": "Spiegelungen ohne Cycles",
+    "Only Cycles tells what mirrors and glass show; use it, or turn Reflections off.": (
+        "Nur Cycles sagt, was Spiegel und Glas zeigen; es verwenden oder „Spiegelungen“ ausschalten."
+    ),
+    "Nothing Reflects": "Nichts spiegelt",
+    "No material is smooth enough; raise the Roughness Limit, or turn Reflections off.": (
+        "Kein Material ist glatt genug; die Rauheitsgrenze anheben oder „Spiegelungen“ ausschalten."
+    ),
+    "Reflections Off": "Spiegelungen aus",
+    "What mirrors and glass show is blurred as their surfaces are; turn Reflections on.": (
+        "Was Spiegel und Glas zeigen, wird unscharf wie ihre Flächen; „Spiegelungen“ einschalten."
+    ),
+    "Shadows Do Not Move": "Schatten bewegen sich nicht",
+    "Shadows are moved by the motion processor alone, and it is off; turn it on.": (
+        "Schatten bewegt nur der Bewegungsprozessor, und er ist aus; ihn einschalten."
+    ),
     "One Samples File": "Eine Datei für alle Bilder",
     "Each frame's samples replace those of the frame before; put #### into the samples path.": (
         "Die Abtastwerte jedes Bildes ersetzen die des vorigen; #### in den Pfad der Abtastwerte aufnehmen."
@@ -753,6 +847,9 @@ GERMAN: dict[str, str] = {
     ),
     "The file's motion paths are damaged; export it again.": (
         "Die Bewegungspfade der Datei sind beschädigt; sie neu exportieren."
+    ),
+    "The file's lamps are damaged; export it again.": (
+        "Die Lampen der Datei sind beschädigt; sie neu exportieren."
     ),
     "The shutter's curve is 0 all the time it is open; raise it.": (
         "Die Verschlusskurve ist 0, solange der Verschluss offen ist; sie anheben."

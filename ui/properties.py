@@ -222,6 +222,37 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
         max=4,
         default=2,
     )
+    reflections: bpy.props.EnumProperty(
+        name="Reflections",
+        description="Focus and move what mirrors and glass show apart from the surfaces that show it. Probes "
+        "of one sample a pixel find how far it is and how it moves",
+        translation_context=OWN,
+        items=(
+            ("OFF", "Off", "What mirrors and glass show is focused and moves as their surfaces do"),
+            (
+                "REFLECTIONS",
+                "Reflections",
+                "What mirrors and glass show is focused by its distance along the path of the light, and "
+                "moves by itself",
+            ),
+            (
+                "REFLECTIONS_AND_SHADOWS",
+                "Reflections and Shadows",
+                "Shadows of moving objects move, too. Frames with moving objects need the views of Hidden "
+                "Surfaces and one more",
+            ),
+        ),
+        default="OFF",
+    )
+    max_roughness: bpy.props.FloatProperty(
+        name="Roughness Limit",
+        description="Objects whose materials are rougher than this do not count as mirrors or glass: what "
+        "they show keeps the depth of their surface",
+        min=0.0,
+        max=1.0,
+        default=0.3,
+        subtype="FACTOR",
+    )
     show_limits: bpy.props.BoolProperty(
         name="Show Limits",
         description="Show the near limit, the plane in focus with a handle, and the far limit of the scene's "
@@ -258,6 +289,31 @@ class PotmesilCollectionSettings(bpy.types.PropertyGroup):
         description="Render a view without this collection, and without what is marked and nearer, for what "
         "its objects hide, where Depth Peeling is set to Collections",
         default=False,
+    )
+
+
+class PotmesilObjectSettings(bpy.types.PropertyGroup):
+    """What is saved with an object."""
+
+    surface: bpy.props.EnumProperty(
+        name="Surface",
+        description="What light does at this object, where Reflections is on",
+        translation_context=OWN,
+        items=(
+            ("AUTO", "As Material", "As the object's materials say"),
+            ("OPAQUE", "Opaque", "Its surface is what is seen: nothing is followed further"),
+            (
+                "POLISHED",
+                "Polished",
+                "A clear coat over something opaque: it reflects where it is seen directly, and ends a path "
+                "of light that comes from another mirror",
+            ),
+            ("MIRROR", "Mirror", "Metal: it always reflects"),
+            ("GLASS", "Glass", "It lets light through and bends it, and reflects where it is seen directly"),
+            ("CLEAR", "Clear", "Light goes straight through"),
+        ),
+        default="AUTO",
+        override={"LIBRARY_OVERRIDABLE"},
     )
 
 

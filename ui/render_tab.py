@@ -1,4 +1,4 @@
-"""The panels on the Render tab: shutter, optical printer, quality; and a collection's mark for peeling."""
+"""The panels on the Render tab: shutter, optical printer, quality; and a collection's and an object's own."""
 
 from __future__ import annotations
 
@@ -6,8 +6,13 @@ from typing import Any
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
+from bpy.app.translations import pgettext_n as n_
 
 from ..operators import compat
+from ..operators.cost import RenderCounts, render_counts
+from ..operators.scene import RENDERED_TYPES, uses_reflections
+from ..operators.surfaces import surface_of
+from ..potmesil_addon.surfaces import SurfaceKind
 from . import draw, presets
 from .check import CheckPanel
 
@@ -20,6 +25,15 @@ _CURVE_SHAPES = (
     ("MAX", "NOCURVE"),
 )
 """The shapes that Blender can give the shutter's curve, and their icons."""
+
+_AS_MATERIAL = {
+    SurfaceKind.ROUGH: n_("As Material: Opaque"),
+    SurfaceKind.POLISHED: n_("As Material: Polished"),
+    SurfaceKind.MIRROR: n_("As Material: Mirror"),
+    SurfaceKind.GLASS: n_("As Material: Glass"),
+    SurfaceKind.CLEAR: n_("As Material: Clear"),
+}
+"""What an object's materials come to."""
 
 
 class _RenderPanel:
@@ -153,6 +167,36 @@ class POTMESIL_PT_collection(bpy.types.Panel):
         layout.prop(context.collection.potmesil_camera, "peel")
 
 
+class POTMESIL_PT_object(bpy.types.Panel):
+    """What light does at an object."""
+
+    bl_label = "Potmesil Camera"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Show for objects that can show in a render."""
+        return context.object is not None and context.object.type in RENDERED_TYPES
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the choice of a surface, and what the materials come to."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.active = uses_reflections(context.scene)
+        own = context.object.potmesil_camera
+        column = layout.column(align=True)
+        column.prop(own, "surface")
+        if own.surface == "AUTO":
+            found = surface_of(context.object, context.scene.potmesil_camera.max_roughness)
+            kinds = set(found.kinds)
+            text = _AS_MATERIAL[found.kinds[0]] if len(kinds) == 1 else n_("As Material: Differs by Slot")
+            _beside_names(column).label(text=text)
+
+
 def _further_samples(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw what is rendered beyond the picture, where the processors that need it are on."""
     scene = context.scene
@@ -172,6 +216,42 @@ def _further_samples(layout: bpy.types.UILayout, context: bpy.types.Context) -> 
     marked = any(collection.potmesil_camera.peel for collection in scene.collection.children_recursive)
     if own.depth_peeling == "COLLECTIONS" and not marked:
         draw.sentence(column, context, "No collection is marked Peel Off, in its own properties.", "INFO")
+    _reflections(layout, context)
+
+
+def _reflections(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw what is done with what mirrors and glass show, and what all of the views cost."""
+    scene = context.scene
+    own = scene.potmesil_camera
+    column = layout.column(align=True)
+    column.active = scene.render.engine == "CYCLES" and (own.use_motion or own.use_lens)
+    column.prop(own, "reflections")
+    if own.reflections != "OFF":
+        column.prop(own, "max_roughness")
+    counts = render_counts(scene)
+    if uses_reflections(scene) and not counts.probes:
+        draw.sentence(column, context, "No material is a mirror, glass or polished within the limit.", "INFO")
+    _cost(layout, counts)
+
+
+def _cost(layout: bpy.types.UILayout, counts: RenderCounts) -> None:
+    """Draw how many renders a frame takes, where it takes more than one."""
+    if counts.full == 1 and not counts.probes:
+        return
+    if not counts.probes:
+        text = iface_("Up to {full} Renders")
+    elif counts.full == 1:
+        text = iface_("1 Render and {probes} Probes")
+    else:
+        text = iface_("Up to {full} Renders and {probes} Probes")
+    _beside_names(layout).label(text=text.format(full=counts.full, probes=counts.probes))
+
+
+def _beside_names(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    """Return where a label stands below the values, and not below their names."""
+    split = layout.split(factor=0.4)
+    split.label()
+    return split
 
 
 def _quality(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -209,4 +289,5 @@ CLASSES = (
     POTMESIL_PT_printer,
     POTMESIL_PT_render_check,
     POTMESIL_PT_collection,
+    POTMESIL_PT_object,
 )

@@ -330,12 +330,12 @@ def test_every_setting_is_given_back_in_mid_render(
     before = settings(prepared)
     seen = []
 
-    def render() -> Any:
+    def render(scene: Any) -> Any:
         seen.append(sum(not item.visible_camera for item in prepared.objects))
         if how == "error" and len(seen) > renders_done:
             raise ZeroDivisionError
         yield 0.5
-        bpy.ops.render.render(scene=prepared.name)
+        bpy.ops.render.render(scene=scene.name)
         yield 1.0
 
     path = tmp_path / "a.exr"

@@ -13,6 +13,7 @@ import pytest
 from sample_scenes.building import emitter
 
 from .scenes import card, dump
+from .test_reflections import clear_glass, silver
 
 
 def _titles(scene: Any, module: Any) -> list[str]:
@@ -120,6 +121,23 @@ def _samples(path: str) -> Callable[[Any], None]:
     return lambda scene: setattr(scene.potmesil_camera, "samples_path", path)
 
 
+def _own(**values: Any) -> Callable[[Any], None]:
+    def spoil(scene: Any) -> None:
+        for name, value in values.items():
+            setattr(scene.potmesil_camera, name, value)
+
+    return spoil
+
+
+def _with_mirror(scene: Any) -> None:
+    card(scene, "Mirror", (0.0, 6.0, 0.0), 1.0, silver())
+
+
+def _eevee_with_reflections(scene: Any) -> None:
+    scene.potmesil_camera.reflections = "REFLECTIONS"
+    scene.render.engine = "BLENDER_EEVEE" if bpy.app.version >= (5, 0, 0) else "BLENDER_EEVEE_NEXT"
+
+
 SPOILED: list[tuple[str, str, Callable[[Any], None], set[str]]] = [
     ("add_camera", "No Camera", _without_camera, {"camera", "cameras"}),
     ("activate_camera", "No Active Camera", lambda scene: setattr(scene, "camera", None), {"camera"}),
@@ -134,6 +152,15 @@ SPOILED: list[tuple[str, str, Callable[[Any], None], set[str]]] = [
     ("denoising_off", "Denoising On", _cycles("use_denoising", True), {"cycles"}),
     ("clamping_off", "Samples Clamped", _cycles("sample_clamp_direct", 3.0), {"cycles"}),
     ("clamping_off", "Samples Clamped", _cycles("sample_clamp_indirect", 3.0), {"cycles"}),
+    ("use_cycles", "Reflections Without Cycles", _eevee_with_reflections, {"render"}),
+    ("reflections_off", "Nothing Reflects", _own(reflections="REFLECTIONS"), {"own"}),
+    ("reflections_on", "Reflections Off", _with_mirror, {"own"}),
+    (
+        "motion_on",
+        "Shadows Do Not Move",
+        _own(reflections="REFLECTIONS_AND_SHADOWS", use_motion=False),
+        {"own"},
+    ),
     ("stereo_off", "Stereo Views", _render("use_multiview", True), {"render"}),
     ("region_off", "Render Region", _render("use_border", True), {"render"}),
     ("compositing_on", "Compositing Off", _staged("use_compositing"), {"render"}),
@@ -189,6 +216,25 @@ def test_each_fix_mends_its_finding_and_nothing_else(
     bpy.ops.ed.undo_push(message="after")
     bpy.ops.ed.undo()
     assert title in _titles(bpy.context.scene, module)
+
+
+def test_mirrors_count_where_something_blurs_them(scene: Any, module: Any) -> None:
+    titles = {"Nothing Reflects", "Reflections Off", "Reflections Without Cycles"}
+    item = card(scene, "Window", (0.0, 6.0, 0.0), 1.0, clear_glass(1.5))
+    own = scene.potmesil_camera
+    assert titles & set(_titles(scene, module)) == {"Reflections Off"}
+    # A polished floor is no mirror, and costs as much: who wants it knows.
+    item.potmesil_camera.surface = "POLISHED"
+    assert not titles & set(_titles(scene, module))
+    item.potmesil_camera.surface = "OPAQUE"
+    assert not titles & set(_titles(scene, module))
+    own.reflections = "REFLECTIONS"
+    assert titles & set(_titles(scene, module)) == {"Nothing Reflects"}
+    # Shadows move without mirrors, too.
+    own.reflections = "REFLECTIONS_AND_SHADOWS"
+    assert not titles & set(_titles(scene, module))
+    own.reflections, own.use_lens, own.use_motion = "REFLECTIONS", False, False
+    assert not titles & set(_titles(scene, module))
 
 
 def test_every_fix_has_its_way_and_a_tooltip(module: Any) -> None:

@@ -29,6 +29,8 @@ OTHERS: dict[str, Any] = {
     "use_hidden_surfaces": False,
     "depth_peeling": "AUTOMATIC",
     "peel_count": 3,
+    "reflections": "REFLECTIONS",
+    "max_roughness": 0.5,
     "show_limits": True,
     "use_quality_maps": True,
 }

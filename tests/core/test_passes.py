@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from potmesil_addon.passes import ChannelName, parse_channel
+from potmesil_addon.passes import LIGHT_PASSES, ChannelName, parse_channel
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def test_channel_of_a_pass_we_use(channel: str, layer: str, name: str, component
 @pytest.mark.parametrize(
     "channel",
     [
-        "ViewLayer.Normal.X",
+        "ViewLayer.Position.X",
         "ViewLayer.Mist.V",
         "forward.left.u",
         "disparityL.x",
@@ -76,12 +76,27 @@ def test_other_channels_have_no_name(channel: str) -> None:
     assert parse_channel(channel).name is None
 
 
-@pytest.mark.parametrize(
-    "channel", ["ViewLayer.Noisy Image.R", "ViewLayer.Glossy Direct.R", "ViewLayer.Diffuse Color.G"]
-)
-def test_colored_passes_are_layers_of_their_own(channel: str) -> None:
+def test_colored_passes_are_layers_of_their_own() -> None:
     """They must not be taken for the layer's own picture."""
-    assert parse_channel(channel).layer != "ViewLayer"
+    assert parse_channel("ViewLayer.Diffuse Color.G").layer != "ViewLayer"
+
+
+@pytest.mark.parametrize(
+    ("channel", "name"),
+    [
+        ("ViewLayer.Noisy Image.R", "noisy"),
+        ("ViewLayer.Glossy Direct.R", "glossy_direct"),
+        ("ViewLayer.GlossInd.B", "glossy_indirect"),
+        ("ViewLayer.Transmission Color.R", "transmission_color"),
+        ("ViewLayer.TransCol.R", "transmission_color"),
+        ("ViewLayer.Normal.Z", "normal"),
+    ],
+)
+def test_passes_that_light_is_parted_by_are_known(channel: str, name: str) -> None:
+    parsed = parse_channel(channel)
+    assert parsed.layer == "ViewLayer"
+    assert parsed.name == name
+    assert name in LIGHT_PASSES
 
 
 VIEWS = ("left", "right")

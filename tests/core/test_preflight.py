@@ -54,6 +54,9 @@ def test_a_good_scene_has_no_findings() -> None:
         ({"nothing_blurred": True}, "note", "Hardly Anything Is Blurred", "open_aperture"),
         ({"denoising": True}, "note", "Denoising On", "denoising_off"),
         ({"clamped": True}, "note", "Samples Clamped", "clamping_off"),
+        ({"nothing_reflects": True}, "note", "Nothing Reflects", "reflections_off"),
+        ({"flat_mirrors": True}, "note", "Reflections Off", "reflections_on"),
+        ({"wants_shadows": True}, "note", "Shadows Do Not Move", "motion_on"),
         ({"one_samples_file": True}, "note", "One Samples File", "number_samples"),
         ({"temporary_samples": True}, "note", "File Not Saved", "save_as"),
     ],
@@ -73,6 +76,19 @@ def test_passes_that_are_off_are_named_together() -> None:
 def test_vectors_matter_to_the_motion_processor_alone(facts: dict[str, Any]) -> None:
     assert check_scene(SceneFacts(**facts)) == ()
     assert check_scene(SceneFacts(**facts, wants_motion=True)) != ()
+
+
+@pytest.mark.parametrize("has_cycles", [True, False])
+def test_reflections_need_cycles(has_cycles: bool) -> None:
+    facts = SceneFacts(engine="BLENDER_EEVEE", has_cycles=has_cycles, wants_reflections=True)
+    fix = "use_cycles" if has_cycles else None
+    found = [(finding.severity, finding.title, finding.fix) for finding in check_scene(facts)]
+    assert found == [("warning", "Not Cycles", fix), ("warning", "Reflections Without Cycles", fix)]
+    assert check_scene(replace(facts, engine="CYCLES")) == ()
+
+
+def test_shadows_move_with_the_motion_processor() -> None:
+    assert check_scene(SceneFacts(wants_shadows=True, wants_motion=True)) == ()
 
 
 def everything_wrong() -> SceneFacts:
