@@ -147,6 +147,9 @@ def _render(
             # Without motion blur or lens nothing that only it needs is rendered.
             borrowed.set(scene.potmesil_camera, "use_motion", not current.no_motion)
             borrowed.set(scene.potmesil_camera, "use_lens", not current.no_lens)
+            if current.no_shadows:
+                wanted = "OFF" if current.no_reflections else "REFLECTIONS"
+                borrowed.set(scene.potmesil_camera, "reflections", wanted)
             render_samples(bpy.context, samples_file)
         samples = exr.read_samples(samples_file, tuple(options.layer) if options.layer else None)
         settings = cli.process_settings(current, frame)
