@@ -727,17 +727,20 @@ def _process_frame(job: _Job, samples: Samples, options: argparse.Namespace) -> 
     print(f"Saved: '{job.output}'", flush=True)
 
 
+_BESIDE: Final[list[str]] = []
+"""The kernel for which a second process was started: one is enough, however many pictures a process makes."""
+
+
 def _compile_beside(source: Path, settings: ProcessSettings) -> None:
     """Have a second process compile kernels too, should any of a picture's have to be."""
     root = str(Path(__file__).absolute().parents[1])
     path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
     command = [sys.executable, "-P", "-m", f"{__package__}.warm", str(source.absolute())]
-    started: list[str] = []
 
     def start(kernel: str) -> None:
-        if started:
+        if _BESIDE:
             return
-        started.append(kernel)
+        _BESIDE.append(kernel)
         # Alone it takes longer, and comes to the same.
         with contextlib.suppress(OSError):
             subprocess.Popen(
