@@ -16,8 +16,8 @@ from .surfaces import surface_of
 
 _REFLECTING = frozenset({SurfaceKind.POLISHED, SurfaceKind.MIRROR, SurfaceKind.GLASS})
 
-_KEPT_TIMES, _KEPT_SECONDS = 10.0, 1.0
-"""How long what was found counts in Blender's window, in units of the time it took; and at most."""
+_KEPT_SECONDS = 1.0
+"""How long what was found counts in Blender's window, which draws panels many times a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +88,8 @@ def kinds_in(scene: bpy.types.Scene) -> frozenset[SurfaceKind]:
         found.update(surface_of(item, limit).kinds)
     kinds = _REFLECTING & found
     if not bpy.app.background:
-        now = time.perf_counter()
         _Last.key, _Last.kinds = key, kinds
-        _Last.until = now + min(_KEPT_TIMES * (now - start), _KEPT_SECONDS)
+        _Last.until = time.perf_counter() + _KEPT_SECONDS
     return kinds
 
 
