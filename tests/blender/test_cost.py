@@ -152,7 +152,6 @@ def test_panels_do_not_look_into_materials_again_and_again(
         return module("operators.surfaces").surface_of(asked_of, limit)
 
     monkeypatch.setattr(cost, "surface_of", surface_of)
-    monkeypatch.setattr(cost, "_KEPT_TIMES", 1e9)
     monkeypatch.setattr(cost, "_KEPT_SECONDS", 60.0)
     monkeypatch.setattr(cost, "bpy", SimpleNamespace(app=SimpleNamespace(background=False)))
     kind = module("potmesil_addon.surfaces").SurfaceKind
