@@ -24,7 +24,13 @@ from .motion import SampledMotion, kept_scene, sample_motion
 from .overscan import borrow_overscan, overscan_margins, uses_overscan
 from .peel import peeled_views, uses_depth_peeling
 from .sampling import borrow_sampling, filter_variance, supersampling
-from .scene import rendered_objects, samples_path, scene_facts, uses_reflections  # noqa: F401 - for others
+from .scene import (  # noqa: F401 - the others look for some of it here
+    render_graph,
+    rendered_objects,
+    samples_path,
+    scene_facts,
+    uses_reflections,
+)
 from .seen import SeenLight, borrow_light_passes, keeps_light_passes
 from .work import doing
 
@@ -252,8 +258,7 @@ def annotate_render(
     attributes = exr.camera_attributes(motion.camera, motion.lens, motion.shutter)
     attributes["potmesil:motion"] = motion.paths.to_json()
     if moves_shadows(scene):
-        graph = next(layer.depsgraph for layer in scene.view_layers if layer.use)
-        attributes["potmesil:lamps"] = lamps_to_json(lamps_of(scene, graph))
+        attributes["potmesil:lamps"] = lamps_to_json(lamps_of(scene, render_graph(scene)))
     if supersampling(scene) > 1:
         attributes["potmesil:supersampling"] = supersampling(scene)
     if variances[0] is not None:

@@ -23,7 +23,7 @@ from ..potmesil_addon.surfaces import SurfaceKind, packed
 from . import compat
 from .borrow import Borrowed
 from .motion import SampledMotion
-from .scene import RENDERED_TYPES, rendered_objects
+from .scene import RENDERED_TYPES, render_graph, rendered_objects
 from .surfaces import surface_of
 
 SURFACES: Final = "potmesil_surfaces"
@@ -137,7 +137,7 @@ class ProbeScene:
         """Let objects say what they are made of, and which they are."""
         limit = self._original.potmesil_camera.max_roughness
         self._kinds: list[set[int]] = []
-        graph = next(layer.depsgraph for layer in self._original.view_layers if layer.use)
+        graph = render_graph(self._original)
         items = {item.name_full: item for item in rendered_objects(self._original)}
         # As evaluated: geometry nodes may give other materials, and instancers show what no scene has.
         for instance in graph.object_instances:
@@ -211,7 +211,7 @@ class ProbeScene:
 
     def _add_lamps(self) -> None:
         """Let lamps that rays would see be surfaces at their places."""
-        graph = next(layer.depsgraph for layer in self._original.view_layers if layer.use)
+        graph = render_graph(self._original)
         lamps = [
             (instance.object.original, instance.matrix_world.copy())
             for instance in graph.object_instances

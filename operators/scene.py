@@ -353,6 +353,11 @@ def evaluated_camera(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> 
     return scene.camera.evaluated_get(depsgraph)
 
 
+def render_graph(scene: bpy.types.Scene) -> bpy.types.Depsgraph:
+    """Return what a scene was last evaluated into, of the first view layer that is rendered."""
+    return next(layer.depsgraph for layer in scene.view_layers if layer.use)
+
+
 def uses_reflections(scene: bpy.types.Scene) -> bool:
     """Return whether the scene asks for what mirrors and glass show and its engine tells it."""
     own = scene.potmesil_camera

@@ -135,10 +135,11 @@ class SeenLight:
         layers = []
         for suffix, files in self._views.items():
             source = companions[suffix] if suffix else rendered
-            passes = exr.read_light_passes(source)
-            samples = _overscanned(exr.read_samples(source), margins, self._motion)
+            raw = exr.read_raw(source)
+            passes = exr.light_passes_of(raw)
+            samples = _overscanned(exr.samples_of(raw, source), margins, self._motion)
             for light, paths in files.items():
-                views = [exr.read_light_passes(path) for path in paths]
+                views = [exr.light_passes_of(exr.read_raw(path)) for path in paths]
                 for layer in samples.layers:
                     if layer.depth is None or layer.name not in passes:
                         continue

@@ -256,26 +256,21 @@ def _pixel_filter(header: dict[str, Any], path: Path) -> PixelFilter | None:
         raise InputError(f"The pixel filter in '{path}' cannot be read; render the samples again.") from error
 
 
-def read_light_passes(path: Path) -> dict[str, dict[PassName, Float32Array]]:
-    """Read the colour of each layer of a render, and the passes that its light is parted by.
+def light_passes_of(raw: RawFile) -> dict[str, dict[PassName, Float32Array]]:
+    """Return the colour of each layer of a render, and the passes that its light is parted by.
 
     Parameters
     ----------
-    path : Path
-        The file.
+    raw : RawFile
+        The render.
 
     Returns
     -------
     dict of str to dict of str to ndarray of float32 of shape (rows, columns, 3 or 4)
         By layer and pass.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
     """
     found: dict[str, dict[PassName, Float32Array]] = {}
-    for name, channels in _layer_channels(read_raw(path), light=True).items():
+    for name, channels in _layer_channels(raw, light=True).items():
         for which in ("combined", *LIGHT_PASSES):
             planes = [channels[which, n].pixels for n in range(4) if (which, n) in channels]
             if len(planes) >= _PRIMARIES:

@@ -235,8 +235,10 @@ def resolve(probe: Probe, view: View, reach: float) -> Seen:
     A point at distance d shifts by f b / d in a camera that stands b farther to the side. How far what is
     seen has shifted, s, is told by the places that neighbouring samples see: the surface at the end of a
     path goes on by J (its places' derivatives) from sample to sample, and J s is the way between the places
-    that the two cameras see in one sample. Of two distances, across and down, in an astigmatic image the
-    mean of the inverse ones counts. Where neighbours see other things it is the length of the path.
+    that the two cameras see in one sample. Of the two distances, across and down, the mean of the inverse
+    ones counts. Where neighbours see other things it is that of samples nearby, or the length of the path.
+    After a single reflection the mirror equation tells more, from the normals of the mirror: two distances
+    of an astigmatic image, along two axes.
 
     Parameters
     ----------
@@ -694,10 +696,7 @@ def patches(
         unit = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
     edges = []
     for axis in (1, 0):
-        first: list[slice] = [slice(None), slice(None)]
-        onward = first.copy()
-        first[axis], onward[axis] = slice(None, -1), slice(1, None)
-        here, next_ = tuple(first), tuple(onward)
+        here, next_ = _pairs(axis)
         with np.errstate(invalid="ignore"):
             joined = there[here] & there[next_]
             joined &= (unit[here] * unit[next_]).sum(axis=-1) > _SAME_WAY
@@ -722,14 +721,19 @@ def patches(
     return result, patch == large.size
 
 
+def _pairs(axis: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """Return which samples have one after them along an axis, and those."""
+    every, first, onward = slice(None), slice(None, -1), slice(1, None)
+    return ((every, first), (every, onward)) if axis == 1 else ((first, every), (onward, every))
+
+
 def _jumps(probe: Probe, axis: int) -> Mask:
     """Return between which samples along an axis what is seen in a mirror's mirror jumps.
 
     Whether that is an edge of the second mirror, which is sharp, or of what it shows is not known.
     """
     step = np.linalg.norm(np.diff(probe.place[0], axis=axis), axis=-1)
-    here = (slice(None), slice(None, -1)) if axis == 1 else (slice(None, -1), slice(None))
-    next_ = (slice(None), slice(1, None)) if axis == 1 else (slice(1, None), slice(None))
+    here, next_ = _pairs(axis)
     mirrors = probe.bounces % GLASS_STEP
     twice = ((probe.second[here] > 0) & (mirrors[here] > 0)) | (
         (probe.second[next_] > 0) & (mirrors[next_] > 0)
