@@ -33,8 +33,8 @@ SILENCE: Final = 60.0
 _NAP: Final = 0.003
 _LONG_NAP: Final = 0.02
 _AWAKE: Final = 2.0
-_PATIENCE: Final = 5
-"""How much the window goes before, as `os.nice` counts it."""
+_PATIENCE: Final = 15
+"""How much the window goes before, as `os.nice` counts it: drawn by software, it wants the processors too."""
 
 
 class Inbox:

@@ -302,13 +302,23 @@ def live_focus() -> Iterator[float]:
     yield 0.5
     width = editor.spaces.active.zoom[0] * 960
     live = SEEN["live"] = {}
-    # The window alone, drawn as often as previews would ask for.
+
+    def pull(n: int) -> None:
+        camera.dof.focus_distance = 5.0 + 4.0 * abs((n % 40) / 20.0 - 1.0)
+
+    def pull_alone(n: int) -> None:
+        pull(n)
+        region.tag_redraw()
+
+    # The window without us: the same setting changes, and all that previews would draw again is drawn.
     live["window"] = {}
     busy, own = processors()
     start = time.perf_counter()
-    yield from paced(2.0, live["window"], lambda _: region.tag_redraw())
+    yield from paced(3.0, live["window"], pull_alone)
     busy, own = (now - before for now, before in zip(processors(), (busy, own), strict=True))
     live["window"]["others"] = (busy - own) / (time.perf_counter() - start)
+    camera.dof.focus_distance = 8.0
+    yield 0.5
     click(LIVE_BUTTON)
     yield from wait(lambda: state().live, 5.0)
     live["started"] = state().live
@@ -317,9 +327,6 @@ def live_focus() -> Iterator[float]:
     yield from wait(lambda: state().has_quality, 120.0)
     live["message"], live["compiled"] = state().live_message, live_session().compiled
     yield 2.0
-
-    def pull(n: int) -> None:
-        camera.dof.focus_distance = 5.0 + 4.0 * abs((n % 40) / 20.0 - 1.0)
 
     def stop_down(n: int) -> None:
         camera.dof.aperture_fstop = 0.5 + 0.05 * n

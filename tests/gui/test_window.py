@@ -19,7 +19,7 @@ BLENDER = os.environ.get("BLENDER", "")
 PICTURES = ROOT / "build" / "gui"
 MOST_SESSIONS = 3
 LEAST_UPDATES = 10.0
-"""Previews a second."""
+"""Previews a second, where the window can be drawn as often."""
 
 SLOWEST_WINDOW = 0.2
 """Longest time, in seconds, in which the window alone is drawn on a machine that is free for measuring."""
@@ -167,9 +167,11 @@ def test_live_focus_uses_the_kernels_that_process_compiled(seen: dict[str, Any])
 def test_live_focus_follows_and_never_holds_the_window(quiet: dict[str, Any], name: str) -> None:
     pulled, alone = quiet[name], quiet["window"]
     print(name, pulled, "alone:", alone)
-    assert pulled["updates"] >= LEAST_UPDATES
-    # What we do in the window is our own; drawing it in software takes its time without us too.
-    assert pulled["longest_tick"] < 0.1
+    # No preview is shown oftener than the window is drawn, which takes software its time without us too.
+    assert pulled["updates"] >= min(LEAST_UPDATES, 0.8 / alone["median_gap"])
+    # What we do in the window is our own.
+    assert pulled["longest_tick"] < 0.02
+    assert pulled["median_gap"] < max(0.1, 1.5 * alone["median_gap"])
     assert pulled["longest_gap"] < max(0.1, 1.5 * alone["longest_gap"])
 
 
