@@ -52,10 +52,13 @@ class _Shader:
         What light does there.
     ior : float or None
         Index of refraction, where the shader has one that is the same everywhere.
+    albedo : float
+        Share of light that it scatters, as far as that is known, else 1.
     """
 
     kind: SurfaceKind
     ior: float | None = None
+    albedo: float = 1.0
 
 
 _ROUGH = _Shader(SurfaceKind.ROUGH)
@@ -143,8 +146,8 @@ class _Materials:
         tree = material.node_tree
         # Asking newer releases warns, and all their materials have nodes.
         if tree is None or (bpy.app.version < (5, 0, 0) and not material.use_nodes):
-            is_mirror = material.metallic > 0.5 and self._is_smooth(material.roughness)
-            return _Shader(SurfaceKind.MIRROR) if is_mirror else _ROUGH
+            # Cycles draws it diffuse, however metallic it is.
+            return _ROUGH
         output = tree.get_output_node("CYCLES")
         if output is None:
             return _ROUGH
@@ -180,10 +183,13 @@ class _Materials:
         match node.type:
             case "MIX_SHADER" | "ADD_SHADER":
                 first, second = (self._followed_shader(socket, path) for socket in list(node.inputs)[-2:])
-                share = self._number(node.inputs[0], path) if node.type == "MIX_SHADER" else None
-                return _mixed(first, second, share)
+                is_mix = node.type == "MIX_SHADER"
+                share = self._number(node.inputs[0], path) if is_mix else None
+                return _mixed(first, second, share, self._facing(node.inputs[0], path) if is_mix else None)
+            case "BSDF_DIFFUSE":
+                return _Shader(SurfaceKind.ROUGH, albedo=self._albedo(node.inputs["Color"], path))
             case "BSDF_PRINCIPLED":
-                return self._principled(number)
+                return self._principled(number, self._albedo(node.inputs["Base Color"], path))
             case "BSDF_GLASS" | "BSDF_REFRACTION":
                 is_smooth = self._is_smooth(number("Roughness"))
                 return _Shader(SurfaceKind.GLASS if is_smooth else SurfaceKind.ROUGH, number("IOR"))
@@ -193,8 +199,21 @@ class _Materials:
                 return _Shader(SurfaceKind.CLEAR)
         return _ROUGH
 
-    def _principled(self, number: Any) -> _Shader:
-        """Return what a Principled BSDF does whose inputs a function gives by name, None where one varies."""
+    def _principled(self, number: Any, albedo: float) -> _Shader:
+        """Return what a Principled BSDF does.
+
+        Parameters
+        ----------
+        number : callable
+            Gives the value of an input by its name, None where it varies.
+        albedo : float
+            Of its base.
+
+        Returns
+        -------
+        _Shader
+            Polish that reflects more than what is below it scatters is a mirror.
+        """
 
         def exceeds(name: str, least: float) -> bool:
             value = number(name)
@@ -211,11 +230,26 @@ class _Materials:
                 kind = SurfaceKind.GLASS
             # Metal only here and there is polished in any case.
             elif metallic is None or exceeds("Specular IOR Level", 0.0):
-                kind = SurfaceKind.POLISHED
+                level = number("Specular IOR Level")
+                dark = metallic == 0.0 and level is not None and 2.0 * level * _reflectance(ior) > albedo
+                kind = SurfaceKind.MIRROR if dark else SurfaceKind.POLISHED
         if kind == SurfaceKind.ROUGH:
             if exceeds("Coat Weight", 0.0) and self._is_smooth(number("Coat Roughness")):
                 kind = SurfaceKind.POLISHED
-        return _Shader(kind, ior)
+        return _Shader(kind, ior, albedo if metallic == 0.0 else 1.0)
+
+    def _albedo(self, socket: bpy.types.NodeSocket, path: tuple[bpy.types.Node, ...]) -> float:
+        """Return the largest part of a colour, 1 where it varies."""
+        source, _ = self._source(socket, path)
+        varies = source.is_output and source.node.type != "RGB"
+        return 1.0 if varies else max(float(part) for part in list(source.default_value)[:3])
+
+    def _facing(self, socket: bpy.types.NodeSocket, path: tuple[bpy.types.Node, ...]) -> float | None:
+        """Return what a Fresnel node is where the surface is seen from the front, None for another one."""
+        source, path = self._source(socket, path)
+        if not source.is_output or source.node.type != "FRESNEL":
+            return None
+        return _reflectance(self._number(source.node.inputs["IOR"], path))
 
     def _number(self, socket: bpy.types.NodeSocket | None, path: tuple[bpy.types.Node, ...]) -> float | None:
         """Return the value of an input, or None where it varies; 0 for one that Blender does not have."""
@@ -291,7 +325,14 @@ def _same(sockets: Any, wanted: bpy.types.NodeSocket) -> bpy.types.NodeSocket | 
     return next((socket for socket in sockets if socket.identifier == wanted.identifier), None)
 
 
-def _mixed(first: _Shader | None, second: _Shader | None, share: float | None) -> _Shader | None:
+def _reflectance(ior: float | None) -> float:
+    """Return what share of light is reflected back where a surface with an index of refraction faces it."""
+    return 0.0 if ior is None else ((ior - 1.0) / (ior + 1.0)) ** 2
+
+
+def _mixed(
+    first: _Shader | None, second: _Shader | None, share: float | None, facing: float | None
+) -> _Shader | None:
     """Return what two shaders do together.
 
     Parameters
@@ -300,11 +341,14 @@ def _mixed(first: _Shader | None, second: _Shader | None, share: float | None) -
         The shaders; ``None`` for nothing linked.
     share : float or None
         The second one's, or ``None`` where it varies or both are added.
+    facing : float or None
+        The second one's where the surface is seen from the front, as far as that is known.
 
     Returns
     -------
     _Shader or None
-        The one that counts. A mirror over something else is polished, unless it is most of the mixture.
+        The one that counts. A mirror over something else is polished, unless it reflects more than the other
+        scatters.
     """
     if share is not None and share <= 0.0:
         return first
@@ -315,6 +359,9 @@ def _mixed(first: _Shader | None, second: _Shader | None, share: float | None) -
     low, high = sorted((first, second), key=lambda shader: _RANK.index(shader.kind))
     ior = high.ior if high.ior is not None or high.kind == SurfaceKind.GLASS else low.ior
     if high.kind == SurfaceKind.MIRROR and low.kind in {SurfaceKind.ROUGH, SurfaceKind.POLISHED}:
-        most = share is not None and (share if high is second else 1.0 - share) > 0.5
-        return _Shader(SurfaceKind.MIRROR if most else SurfaceKind.POLISHED, ior)
-    return _Shader(high.kind, ior)
+        known = facing if share is None else share
+        if known is not None and high is not second:
+            known = 1.0 - known
+        most = known is not None and known > (1.0 - known) * low.albedo
+        return _Shader(SurfaceKind.MIRROR if most else SurfaceKind.POLISHED, ior, low.albedo)
+    return _Shader(high.kind, ior, max(first.albedo, second.albedo))

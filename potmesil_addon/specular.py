@@ -278,9 +278,10 @@ def resolve(probe: Probe, view: View, reach: float) -> Seen:
             normal = _normals(probe, view, view.normal, rays, path_depth)
             inverses, angle = _by_normals(view, normal, rays, path_depth)
             once = there & (probe.bounces == 1) & np.isfinite(inverses).all(axis=0)
-            near, far = np.clip(inverses, 0.0, nearest)
-            inverse = np.where(once, near, inverse)
-            farther = np.where(once, near - far, 0.0)
+            first, second = np.clip(inverses, 0.0, nearest)
+            # A mirror that is hollow along one axis may have the second image before the first.
+            inverse = np.where(once, np.maximum(first, second), inverse)
+            farther = np.where(once, first - second, 0.0)
             turned = np.stack([np.cos(2.0 * angle), np.sin(2.0 * angle)], axis=-1)
             astigmatism = (np.nan_to_num(farther)[..., np.newaxis] * turned).astype(np.float32)
         depth = np.asarray(1.0 / inverse, dtype=np.float32)
@@ -323,9 +324,10 @@ def _by_normals(
     Returns
     -------
     inverses : ndarray of float64 of shape (2, rows, columns)
-        The larger first.
+        The first belongs to the axis along which the mirror bulges more; it is the larger one unless the
+        mirror is hollow along the other.
     angle : ndarray of float64 of shape (rows, columns)
-        Of the axis that the smaller belongs to, from x to y, which is down.
+        Of the axis that the second belongs to, from x to y, which is down.
     """
     length = np.linalg.norm(rays, axis=-1)
     way = rays / length[..., np.newaxis]

@@ -76,6 +76,11 @@ def shader(tree: Any, name: str) -> Any:
         ({"Roughness": 0.0, "Specular_IOR_Level": 0.0}, "ROUGH"),
         ({"Roughness": texture}, "POLISHED"),
         ({"Roughness": lambda tree: value(tree, 0.8)}, "ROUGH"),
+        # Of a usual index 4 % are reflected.
+        ({"Roughness": 0.1, "Base_Color": (0.03, 0.03, 0.02, 1.0)}, "MIRROR"),
+        ({"Roughness": 0.1, "Base_Color": (0.02, 0.05, 0.02, 1.0)}, "POLISHED"),
+        ({"Roughness": 0.1, "Base_Color": (0.05, 0.05, 0.05, 1.0), "IOR": 2.2}, "MIRROR"),
+        ({"Roughness": 0.1, "Base_Color": texture, "IOR": 2.2}, "POLISHED"),
         ({"Coat_Weight": 0.5, "Coat_Roughness": 0.1}, "POLISHED"),
         ({"Coat_Weight": texture, "Coat_Roughness": 0.1}, "POLISHED"),
         ({"Coat_Weight": 0.5, "Coat_Roughness": 0.6}, "ROUGH"),
@@ -149,6 +154,20 @@ def test_mixtures(kind: Any, first: str, second: str, share: Any, expected: str)
         for socket, place in zip(both, added.inputs, strict=True):
             tree.links.new(socket, place)
         return added.outputs[0]
+
+    assert kind(shade) == expected
+
+
+@pytest.mark.parametrize(
+    ("albedo", "ior", "expected"), [(0.03, 2.2, "MIRROR"), (0.5, 2.2, "POLISHED"), (0.03, 1.2, "POLISHED")]
+)
+def test_polish_that_reflects_more_than_is_below_it_is_a_mirror(
+    kind: Any, albedo: float, ior: float, expected: str
+) -> None:
+    def shade(tree: Any) -> Any:
+        fresnel = node(tree, "Fresnel", IOR=ior).outputs[0]
+        base = bsdf(tree, "Diffuse", Color=(albedo, albedo, albedo, 1.0))
+        return mixed(tree, fresnel, base, shader(tree, "MIRROR"))
 
     assert kind(shade) == expected
 
@@ -269,9 +288,7 @@ def test_volume_alone_is_clear(surface: Any) -> None:
 @pytest.mark.skipif(bpy.app.version >= (5, 0, 0), reason="materials always have nodes")
 def test_materials_without_nodes(surface: Any) -> None:
     metal = bpy.data.materials.new("Metal")
-    metal.metallic, metal.roughness = 1.0, LIMIT
-    assert surface(metal, bpy.data.materials.new("Plain")).kinds[0].name == "MIRROR"
-    metal.roughness = 0.5
+    metal.metallic, metal.roughness = 1.0, 0.0
     assert surface(metal).kinds[0].name == "ROUGH"
     unused = principled("Unused", COLOR, Transmission_Weight=1.0, Roughness=0.0)
     unused.use_nodes = False

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from potmesil_addon.camera import Film
+from potmesil_addon.focus import FocusSettings
 from potmesil_addon.lens import Lens, circle_of_confusion
 from potmesil_addon.process import ProcessSettings, process
 from potmesil_addon.progress import run
 from potmesil_addon.samples import LensAttributes, SampleLayer, Samples, Window
-from potmesil_addon.seen import put_together, take_apart
+from potmesil_addon.seen import put_together, spread_out, take_apart
 
 ROWS, COLUMNS = 48, 64
 PITCH = 36e-3 / COLUMNS
@@ -72,6 +73,95 @@ def test_a_lens_without_blur_gives_the_picture(visibility: str) -> None:
     sharp = replace(samples, lens=replace(samples.lens, f_stop=1e5))
     result = picture(sharp, visibility=visibility)
     np.testing.assert_allclose(result, samples.layers[0].color, atol=1e-4)
+
+
+def meeting(near: float, share: np.ndarray) -> Samples:
+    """Two mirrors that meet in the middle, where each pixel's light is mixed by a share of the second.
+
+    The first shows something dark and infinitely far away, the second something bright at a distance.
+    """
+    samples = scene(np.zeros((ROWS, COLUMNS), dtype=np.float32))
+    layer = samples.layers[0]
+    light = layer.reflected
+    assert light is not None
+    assert light.depth is not None
+    whole = np.broadcast_to(share, (ROWS, COLUMNS)).astype(np.float32)
+    of_mirrors = light.color.copy()
+    content = DARK + (BRIGHT - DARK) * whole
+    of_mirrors[..., :3] = of_mirrors[..., 3:] * content[..., np.newaxis]
+    patch = np.where(whole >= 0.5, 2, 1).astype(np.int32)
+    there = light.color[..., 3] > 0.0
+    depth = np.where(there, np.where(patch == 2, np.float32(near), np.float32(np.inf)), light.depth)
+    color = layer.color.copy()
+    color[..., :3] += of_mirrors[..., :3]
+    reflected = replace(
+        light, color=of_mirrors, depth=depth, patch=np.where(there, patch, 0).astype(np.int32)
+    )
+    return replace(samples, layers=(replace(layer, color=color, reflected=reflected),))
+
+
+DARK, BRIGHT = 0.1, 8.0
+
+
+def test_pixels_in_which_mirrors_meet_are_parted() -> None:
+    """What is bright in one mirror spreads nothing into another that is far out of focus."""
+    share = np.clip(np.arange(COLUMNS) - 31.25, 0.0, 1.0)
+    samples = meeting(SURFACE, share)
+    layer = samples.layers[0]
+    parts = take_apart(layer)
+    assert parts is not None
+    shown = [(content.layer.color, content.rows, content.columns) for content in parts.contents]
+    whole = parts.surfaces.color[..., :3] + put_together([part.color for part in parts.shares], shown)
+    np.testing.assert_allclose(whole, layer.color[..., :3], atol=1e-5)
+    # Each patch shows one thing.
+    for content, value in zip(parts.contents, (DARK, BRIGHT), strict=True):
+        there = content.layer.color[..., 3] > 0.0
+        shows = content.layer.color[there, 0] / content.layer.color[there, 3]
+        np.testing.assert_allclose(shows, value, rtol=1e-3)
+    result = picture(samples)
+    inside = (slice(12, 36), slice(14, 50))
+    np.testing.assert_allclose(result[inside], layer.color[inside], atol=2e-3)
+
+
+def test_pixels_that_show_something_else_are_left_alone() -> None:
+    share = np.clip(np.arange(COLUMNS) - 31.25, 0.0, 1.0)
+    samples = meeting(SURFACE, share)
+    layer = samples.layers[0]
+    light = layer.reflected
+    assert light is not None
+    # A glint along the edge is brighter than either mirror.
+    light.color[:, 31, :3] += 20.0 * light.color[:, 31, 3:]
+    parts = take_apart(layer)
+    assert parts is not None
+    brightest = [
+        (content.layer.color[..., :3] / np.maximum(content.layer.color[..., 3:], 1e-3)).max()
+        for content in parts.contents
+    ]
+    assert brightest[0] == pytest.approx(20.0 + DARK, rel=1e-3)
+    assert brightest[1] == pytest.approx(BRIGHT, rel=1e-3)
+
+
+def test_flat_strips_of_a_mirror_show_no_more_than_the_lens_sees_in_them() -> None:
+    """Beside a strip the directions change fast: a lens that would see 8 pixels of a plane sees 3."""
+    lens = Lens(focal_length=0.05, f_stop=0.278, focus_distance=SURFACE)
+    focus = FocusSettings(lens, Film(36e-3, 27e-3, COLUMNS, ROWS))
+    assert abs(float(circle_of_confusion(np.inf, lens, focus.model))) / PITCH == pytest.approx(8.0, rel=0.01)
+    near = np.float32(1.05 * SURFACE)
+    light = np.ones((ROWS, COLUMNS, 4), dtype=np.float32)
+    light[..., :3] = 0.0
+    light[:, (29, 35), :3] = 10.0
+
+    def middle(width: int) -> float:
+        flat = np.abs(np.arange(COLUMNS) - 32) <= width // 2
+        astigmatism = np.zeros((ROWS, COLUMNS, 2), dtype=np.float32)
+        # So far away along x is what it shows.
+        astigmatism[:, flat, 0] = 1.0 / near
+        depth = np.full((ROWS, COLUMNS), near)
+        spread = spread_out(SampleLayer("Seen", light, depth, astigmatism=astigmatism), focus)
+        return float(spread.color[24, 32, 0])
+
+    assert middle(COLUMNS) > 1.0
+    assert middle(3) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_what_is_seen_is_blurred_by_its_own_distance() -> None:

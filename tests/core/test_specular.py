@@ -231,6 +231,31 @@ def test_normals_tell_what_the_mirror_equation_does(wall: float, side: float) ->
     assert astigmatism == pytest.approx(expected, rel=0.02, abs=2e-3)
 
 
+@pytest.mark.parametrize(("across", "down"), [(2.0, -1.0), (-1.0, 2.0), (-0.8, -1.0), (2.0, 0.5)])
+def test_hollow_along_one_axis_puts_an_image_before_the_other(across: float, down: float) -> None:
+    """A flat mirror whose normals turn as a saddle's: 1/o + 1/i = -2 k along each axis."""
+    depth, wall = 2.0, -1.0
+    ways = rays()
+    hit = depth * ways
+    normal = np.stack([across * hit[..., 0], -np.ones(hit.shape[:2]), down * hit[..., 2]], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+
+    def trace(eye: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+        onward = ways - 2.0 * (ways * normal).sum(axis=-1, keepdims=True) * normal
+        steps = (wall - hit[..., 1]) / onward[..., 1]
+        second = steps[..., np.newaxis] * onward
+        return hit + second, np.linalg.norm(hit, axis=-1) + np.linalg.norm(second, axis=-1), 1
+
+    view = dataclasses.replace(view_of(depth), normal=normal.astype(np.float32))
+    seen = resolve(probe_of(trace), view, 0.5)
+    images = [depth + 1.0 / (2.0 * power + 1.0 / (depth - wall)) for power in (across, down)]
+    y, x = 12, 16
+    assert seen.depth[y, x] == pytest.approx(min(images), rel=5e-3)
+    difference = 1.0 / images[1] - 1.0 / images[0]
+    # Along x the farther one is the first image, along y the second.
+    np.testing.assert_allclose(seen.astigmatism[y, x], [difference, 0.0], rtol=0.02, atol=2e-3)
+
+
 def mirrors(there: np.ndarray, second: np.ndarray | None = None) -> Probe:
     """A probe that saw one thing in mirrors."""
     whole = np.zeros(there.shape, dtype=np.int32)
