@@ -19,7 +19,7 @@ def write_sheet(path: Path, pictures: Sequence[tuple[str, npt.NDArray[np.float32
     Parameters
     ----------
     path : Path
-        A PNG file.
+        A PNG or JPEG file.
     pictures : sequence of (str, ndarray of shape (rows, columns, 3))
         Names, and values from 0 to 1 as displayed, all of one size.
     columns : int

@@ -25,6 +25,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 CACHE = ROOT / "build" / "bench" / "cache" / "reflections"
 OUTPUT = ROOT / "build" / "bench" / "reflections"
+DOCS_PICTURE = ROOT / "docs" / "images" / "reflections.jpg"
 
 # Blender reads this once, when the module is imported: nothing of the user's is seen or changed.
 os.environ["BLENDER_USER_RESOURCES"] = str(ROOT / "build" / "bench" / "blender")
@@ -74,6 +75,9 @@ EXPORTS = {"without": "OFF", "with": "REFLECTIONS_AND_SHADOWS"}
 """Our pictures, and the extension's setting that their samples are exported with."""
 
 COLUMNS = {"without": "ours without", "with": "ours with", "node": "node"}
+
+DOCS_SCENES = ("puddle", "puddle_moving", "shop_window", "chrome")
+"""Those in the docs' picture, all of one size."""
 
 TOLERANCE_DB = 3.0
 """How far reflecting regions may stay behind the others."""
@@ -357,6 +361,15 @@ def write_pictures(
     write_sheet(OUTPUT / f"{outcome.scene}.png", tiles + errors, len(tiles))
 
 
+def docs_row(
+    outcome: Outcome, pictures: dict[str, Picture], reference: Picture
+) -> list[tuple[str, npt.NDArray[Any]]]:
+    """Return a scene's row of the docs' picture: Cycles, ours without and with, and the nodes."""
+    made = {title: pictures[name] for name, title in COLUMNS.items() if name in pictures}
+    shown = {f"{outcome.scene}: Cycles": reference, **made}
+    return [(title, measures.displayed(picture[..., :3])) for title, picture in shown.items()]
+
+
 def report(outcomes: Sequence[Outcome]) -> str:
     """Return the results as Markdown: every region of every scene, and how far reflections stay behind."""
     lines = [
@@ -432,6 +445,7 @@ def main() -> int:
         "--reprocess", action="store_true", help="render nothing; skip scenes without cached files"
     )
     parser.add_argument("--again", action="store_true", help="export the samples and run the nodes again")
+    parser.add_argument("--docs", action="store_true", help="replace the picture in the docs")
     parser.add_argument("--prepare", action="store_true", help="render what is missing, and stop")
     options = parser.parse_args()
     if options.list:
@@ -441,6 +455,7 @@ def main() -> int:
     OUTPUT.mkdir(parents=True, exist_ok=True)
     outcomes: list[Outcome] = []
     failed = []
+    rows: list[tuple[str, npt.NDArray[Any]]] = []
     for name in options.scenes or SCENES:
         renders = Renders(SCENES[name], QUICK if options.quick else FULL)
         try:
@@ -458,8 +473,12 @@ def main() -> int:
             continue
         write_pictures(outcome, pictures, reference, renders.regions())
         outcomes.append(outcome)
+        if name in DOCS_SCENES:
+            rows += docs_row(outcome, pictures, reference)
         behind = ", ".join(f"{COLUMNS[n]} {_signed(outcome.behind(n))}" for n in outcome.likeness)
         say(f"{name}: reflecting regions behind the others in dB: {behind}")
+    if options.docs and rows:
+        write_sheet(DOCS_PICTURE, rows, 1 + len(COLUMNS))
     if outcomes:
         # A part of the scenes has no median that could be compared.
         stem = "part" if options.scenes else "quick" if options.quick else "results"
