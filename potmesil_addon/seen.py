@@ -428,11 +428,19 @@ def _evened(layer: SampleLayer, focus: FocusSettings) -> tuple[npt.NDArray[Any],
     astigmatism = np.stack(turned, axis=2)
     np.divide(astigmatism, other[..., np.newaxis], out=astigmatism, where=other[..., np.newaxis] != 0.0)
     astigmatism *= (images[0] - images[1])[..., np.newaxis]
-    known = shown & (size > 0.0)
+    # Where both are as large, or small, there is nothing to even; a pinhole's are.
+    circles = scale * np.abs(away)
+    uneven = shown & (_difference(circles) > _LEAST_SPREAD)
     # The nearer of the two is the layer's depth.
-    return np.where(known, images.max(axis=0), near), np.where(
-        known[..., np.newaxis], astigmatism, 2.0 * half
+    return np.where(uneven, images.max(axis=0), near), np.where(
+        uneven[..., np.newaxis], astigmatism, 2.0 * half
     )
+
+
+def _difference(circles: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return by how many pixels to each side the smaller of two circles is spread to be as the other."""
+    spread: npt.NDArray[np.float64] = 0.5 * np.sqrt(np.abs(circles[0] ** 2 - circles[1] ** 2))
+    return spread
 
 
 def spread_out(layer: SampleLayer, focus: FocusSettings) -> SampleLayer:
@@ -464,7 +472,7 @@ def spread_out(layer: SampleLayer, focus: FocusSettings) -> SampleLayer:
     farther = circles[1] < circles[0]
     # The longer axis is that of the other circle.
     angle = angle + np.where(farther, 0.5 * np.pi, 0.0)
-    half = 0.5 * np.sqrt(np.abs(circles[0] ** 2 - circles[1] ** 2))
+    half = _difference(circles)
     shown = (half > _LEAST_SPREAD) & (layer.color[..., 3] > 0.0) & (size > 0.0)
     depth = np.where(farther & (size > 0.0), depths[1], depths[0]).astype(np.float32)
     color = layer.color.copy()

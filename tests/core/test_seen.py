@@ -68,8 +68,15 @@ def test_parts_add_up_to_the_picture() -> None:
 
 
 @pytest.mark.parametrize("visibility", ["aperture", "none"])
-def test_a_lens_without_blur_gives_the_picture(visibility: str) -> None:
-    samples = scene(np.random.default_rng(4).random((ROWS, COLUMNS), dtype=np.float32))
+@pytest.mark.parametrize("bent", [0.0, 1.0])
+def test_a_lens_without_blur_gives_the_picture(visibility: str, bent: float) -> None:
+    random = np.random.default_rng(4)
+    samples = scene(random.random((ROWS, COLUMNS), dtype=np.float32))
+    light = samples.layers[0].reflected
+    assert light is not None
+    bends = bent * random.random((ROWS, COLUMNS, 2), dtype=np.float32)
+    layer = replace(samples.layers[0], reflected=replace(light, astigmatism=bends))
+    samples = replace(samples, layers=(layer,))
     sharp = replace(samples, lens=replace(samples.lens, f_stop=1e5))
     result = picture(sharp, visibility=visibility)
     np.testing.assert_allclose(result, samples.layers[0].color, atol=1e-4)
