@@ -186,14 +186,20 @@ def _changed(
         if not own.any() or not _moves(item.path, probes.times):
             continue
         own_source = np.where(own[..., np.newaxis], source, np.float32(0.0))
-        length = _longest(receivers, item, own, probes)
+        length, step = _longest(receivers, item, own, probes)
         instants = _instants(samples, shutter, instants_for(length))
-        wanted = np.flatnonzero(_reached(receivers, item, own, there, probes, length) | own)
+        first, last = _reached(receivers, item, own, probes, step)
+        wanted = np.flatnonzero((first <= last) & there | own)
+        # From one probe before to one after, in instants.
+        each = instants.places.size / _PROBES
+        window = np.stack([np.floor((first - 0.5) * each), np.ceil((last + 1.5) * each)], axis=-1)
+        window = np.clip(window, 0, instants.places.size).astype(np.int64).reshape(-1, 2)[wanted]
         gather = _gathered if compiled else _gathered_by_numpy
         tables = item.tables(instants.times)
         mean = np.zeros((wanted.size, 6))
         gather(
             wanted,
+            window,
             receivers.points,
             receivers.normals,
             receivers.camera,
@@ -334,42 +340,53 @@ def _causes(
     return causes, cause
 
 
-def _longest(receivers: _Receivers, cause: _Cause, own: Mask, probes: _Instants) -> float:
-    """Return the length of the longest path of a shadow in pixels."""
+def _longest(receivers: _Receivers, cause: _Cause, own: Mask, probes: _Instants) -> tuple[float, float]:
+    """Return the lengths of the longest path of a shadow and of its longest step between probes, in pixels.
+
+    Beyond the samples all is as at their border, so that what goes on there, to the horizon, is no way.
+    """
+    rows, columns = own.shape
     pixels = np.flatnonzero(own)
     pixels = pixels[:: max(1, pixels.size // 4096)]
-    before, length = None, np.zeros(pixels.size)
+    before, length, longest = None, np.zeros(pixels.size), np.zeros(pixels.size)
     for n in range(probes.places.size):
-        place = _looked_up(receivers, cause, pixels, probes, n)
+        place = np.clip(_looked_up(receivers, cause, pixels, probes, n), 0.0, [columns - 1, rows - 1])
         if before is not None:
-            length += np.nan_to_num(np.hypot(*(place - before).T))
+            step = np.nan_to_num(np.hypot(*(place - before).T))
+            length += step
+            longest = np.maximum(longest, step)
         before = place
     # The first and the last instant lie half a step inside.
-    return float(np.quantile(length, 0.99)) * _PROBES / (_PROBES - 1)
+    whole = float(np.quantile(length, 0.99)) * _PROBES / (_PROBES - 1)
+    return whole, float(np.quantile(longest, 0.99))
 
 
 def _reached(
-    receivers: _Receivers, cause: _Cause, own: Mask, there: Mask, probes: _Instants, length: float
-) -> Mask:
-    """Return the pixels that a shadow may come to, in whole cells."""
+    receivers: _Receivers, cause: _Cause, own: Mask, probes: _Instants, step: float
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return, for each pixel, the first and the last probe at which a shadow may be there, by whole cells.
+
+    Where none ever is the last one is before the first.
+    """
     rows, columns = own.shape
     y, x = np.mgrid[_CELL // 2 : rows + _CELL : _CELL, _CELL // 2 : columns + _CELL : _CELL]
     y, x = np.minimum(y, rows - 1), np.minimum(x, columns - 1)
-    # Between two probes shadows go on, and within a cell as well.
-    margin = 2 * _CELL + math.ceil(length / _PROBES)
+    # Between two probes shadows go on, from either by half a step, and within a cell as well.
+    margin = 2 * _CELL + math.ceil(0.5 * step)
     reach = ndimage.distance_transform_edt(~own) <= margin
-    cells = np.zeros(y.shape, dtype=bool)
+    first, last = np.full(y.shape, _PROBES), np.full(y.shape, -1)
     pixels = (y * columns + x).ravel()
-    for n in range(probes.places.size):
+    for n in range(_PROBES):
         place = _looked_up(receivers, cause, pixels, probes, n)
         known: Mask = np.asarray(np.isfinite(place).all(axis=1))
         at = np.clip(np.rint(np.where(known[:, np.newaxis], place, 0.0)), 0, [columns - 1, rows - 1]).astype(
             int
         )
-        cells |= (known & reach[at[:, 1], at[:, 0]]).reshape(y.shape)
-    cells = ndimage.binary_dilation(cells, np.ones((3, 3), dtype=bool))
-    whole = np.repeat(np.repeat(cells, _CELL, axis=0), _CELL, axis=1)[:rows, :columns]
-    return np.asarray(whole & there)
+        now = (known & reach[at[:, 1], at[:, 0]]).reshape(y.shape)
+        first[now], last[now] = np.minimum(first[now], n), n
+    first, last = ndimage.minimum_filter(first, 3), ndimage.maximum_filter(last, 3)
+    every = np.ix_(np.arange(rows) // _CELL, np.arange(columns) // _CELL)
+    return first[every], last[every]
 
 
 def _looked_up(
@@ -466,6 +483,7 @@ def _projected(camera: FloatArray, origin: FloatArray, target: FloatArray) -> Fl
 
 def _gathered_by_numpy(
     pixels: npt.NDArray[np.int64],
+    window: npt.NDArray[np.int64],
     points: FloatArray,
     normals: FloatArray,
     camera: FloatArray,
@@ -481,11 +499,12 @@ def _gathered_by_numpy(
     middle: FloatArray,
     mean: FloatArray,
 ) -> None:
-    """Average what pixels look at over all instants."""
+    """Average what pixels look at over all instants, in whose window alone there is something."""
     rows, columns = points.shape[:2]
-    for instant in instants:
+    for n, instant in enumerate(instants):
+        now = np.flatnonzero((window[:, 0] <= n) & (n < window[:, 1]))
         place = _look_up(
-            pixels,
+            pixels[now],
             points,
             normals,
             camera,
@@ -508,7 +527,7 @@ def _gathered_by_numpy(
         u, v = (x - i)[:, np.newaxis], (y - j)[:, np.newaxis]
         above = (1.0 - u) * source[j, i] + u * source[j, right]
         under = (1.0 - u) * source[below, i] + u * source[below, right]
-        mean[known] += (1.0 - v) * above + v * under
+        mean[now[known]] += (1.0 - v) * above + v * under
     mean /= instants.size
 
 
@@ -520,6 +539,7 @@ def _dot(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> fl
 @jit.kernel(parallel=True)
 def _gathered(
     pixels: Any,
+    window: Any,
     points: Any,
     normals: Any,
     camera: Any,
@@ -535,7 +555,7 @@ def _gathered(
     middle: Any,
     mean: Any,
 ) -> None:
-    """Average what pixels look at over all instants; each pixel by itself, so that threads do not matter."""
+    """Do the same; each pixel by itself, so that threads do not matter."""
     rows, columns = points.shape[:2]
     last = forward.shape[0] - 1
     around = lamp[0] == 0.0 and lamp[1] == 0.0 and lamp[2] == 0.0 and lamp[3] == 0.0
@@ -548,7 +568,7 @@ def _gathered(
             continue
         local, world, other = np.empty(3), np.empty(3), np.empty(3)
         shift = rate[0] * (origin[0] + x - middle[0]) + rate[1] * (origin[1] + y - middle[1])
-        for n in range(instants.size):
+        for n in range(window[number, 0], window[number, 1]):
             index = min(max(instants[n] + shift, 0.0), float(last))
             k = min(int(index), max(last - 1, 0))
             later, share = min(k + 1, last), index - k
