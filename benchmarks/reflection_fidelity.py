@@ -423,7 +423,7 @@ def report(outcomes: Sequence[Outcome]) -> str:
             "noise's limit: reflecting",
             "others",
             "ours with, beyond noise",
-            f"within {TOLERANCE_DB:.0f} dB",
+            f"which is within {TOLERANCE_DB:.0f} dB",
             "node's setup",
         ),
         "|---|" + "--:|" * (len(COLUMNS) + 3) + "---|---|",

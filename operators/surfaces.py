@@ -241,8 +241,11 @@ class _Materials:
     def _albedo(self, socket: bpy.types.NodeSocket, path: tuple[bpy.types.Node, ...]) -> float:
         """Return the largest part of a colour, 1 where it varies."""
         source, _ = self._source(socket, path)
-        varies = source.is_output and source.node.type != "RGB"
-        return 1.0 if varies else max(float(part) for part in list(source.default_value)[:3])
+        value = getattr(source, "default_value", None)
+        if value is None or (source.is_output and source.node.type not in {"RGB", "VALUE"}):
+            return 1.0
+        # A group may take the colour from a number.
+        return float(value) if isinstance(value, (int, float)) else max(list(value)[:3])
 
     def _facing(self, socket: bpy.types.NodeSocket, path: tuple[bpy.types.Node, ...]) -> float | None:
         """Return what a Fresnel node is where the surface is seen from the front, None for another one."""

@@ -81,6 +81,7 @@ def shader(tree: Any, name: str) -> Any:
         ({"Roughness": 0.1, "Base_Color": (0.02, 0.05, 0.02, 1.0)}, "POLISHED"),
         ({"Roughness": 0.1, "Base_Color": (0.05, 0.05, 0.05, 1.0), "IOR": 2.2}, "MIRROR"),
         ({"Roughness": 0.1, "Base_Color": texture, "IOR": 2.2}, "POLISHED"),
+        ({"Roughness": 0.1, "Base_Color": lambda tree: value(tree, 0.02)}, "MIRROR"),
         ({"Coat_Weight": 0.5, "Coat_Roughness": 0.1}, "POLISHED"),
         ({"Coat_Weight": texture, "Coat_Roughness": 0.1}, "POLISHED"),
         ({"Coat_Weight": 0.5, "Coat_Roughness": 0.6}, "ROUGH"),
