@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .camera import Film
+from .effects import effects_from_json
 from .motion import Motion, instant_layer, instants_for, prepare
 from .process import ProcessSettings, motion_settings, process
 from .progress import run
@@ -82,6 +83,8 @@ def settings_from_json(values: dict[str, Any]) -> ProcessSettings:
         if "wavelengths" in psf:
             psf["wavelengths"] = tuple(psf["wavelengths"])
         known["psf"] = PsfSettings(**psf)
+    if "effects" in known:
+        known["effects"] = effects_from_json(known["effects"])
     return ProcessSettings(**known)
 
 

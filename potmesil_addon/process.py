@@ -13,6 +13,7 @@ import numpy as np
 from . import jit
 from .camera import Film
 from .cascade import cascade
+from .effects import Effects
 from .errors import SettingsError
 from .focus import FocusReport, FocusSettings, Weighting, average_down, focus_layer, over
 from .lens import CocModel, Lens
@@ -83,6 +84,10 @@ class ProcessSettings:
         Diameter in metres on the film of the circle that the finished picture is evenly defocused by.
     fade : float
         Share of the finished picture's light: 0 is black, 1 all of it.
+    effects : Effects
+        What a real lens, filter, film and sensor add.
+    frame : int
+        Number of the frame, which has its own grain and noise.
     backend : {"auto", "numba", "numpy"}
         Implementation.
 
@@ -107,6 +112,8 @@ class ProcessSettings:
     shadows: bool = True
     uniform_defocus: float = 0.0
     fade: float = 1.0
+    effects: Effects = field(default_factory=Effects)
+    frame: int = 0
     backend: Backend = "auto"
 
     def __post_init__(self) -> None:
