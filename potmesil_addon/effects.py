@@ -37,10 +37,6 @@ def _number(default: float, least: float, most: float, unit: str = "", *, about:
     return field(default=default, metadata={"least": least, "most": most, "unit": unit, "about": about})
 
 
-def _choice(default: str, choices: tuple[str, ...], *, about: str) -> Any:
-    return field(default=default, metadata={"choices": choices, "unit": "", "about": about})
-
-
 def _flag(default: bool, *, about: str) -> Any:
     return field(default=default, metadata={"flag": True, "unit": "", "about": about})
 
@@ -117,7 +113,10 @@ class Vignetting(_Effect):
 class Distortion(_Effect):
     """Straight lines that the lens bends, by the models of Blender's movie clips."""
 
-    model: DistortionModel = _choice("brown", DISTORTION_MODELS, about="formula of the movie clip editor")
+    model: DistortionModel = field(
+        default="brown",
+        metadata={"choices": DISTORTION_MODELS, "unit": "", "about": "formula of the movie clip editor"},
+    )
     k1: float = _number(0.0, -10.0, 10.0, about="second order of the radius; negative is a barrel (brown)")
     k2: float = _number(0.0, -10.0, 10.0, about="fourth order")
     k3: float = _number(0.0, -10.0, 10.0, about="sixth order (brown, polynomial)")
