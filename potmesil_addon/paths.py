@@ -8,7 +8,7 @@ places; export stores as many times as keep that within 0.1 pixel of the truth.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -43,6 +43,11 @@ class CameraPath:
     def at(self, time: npt.ArrayLike) -> FloatArray:
         """Return the 4x4 matrix at one or more times: world to (x'' w'', y'' w'', w'', 1)."""
         return _square(interpolated(self.times, self.matrices, time))
+
+    def on_other_pixels(self, scale: float, x: float, y: float) -> CameraPath:
+        """Return the same camera for pixels that are `scale` of these apart, the first at (x, y) of these."""
+        pixels = np.array([[scale, 0.0, -scale * x], [0.0, scale, -scale * y], [0.0, 0.0, 1.0]])
+        return replace(self, matrices=pixels @ self.matrices)
 
 
 @dataclass(frozen=True, slots=True)

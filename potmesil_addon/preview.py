@@ -139,7 +139,9 @@ def reduced(samples: Samples, factor: int) -> Samples:
     grid = _Grid(factor, above, left, down, across, corners=samples.position == "corner")
     x0, y0 = (data.x0 + left - display.x0) // factor, (data.y0 + above - display.y0) // factor
     film = None if samples.film is None else _shrunk(samples.film, factor, columns, rows)
-    camera = samples.camera
+    camera, paths = samples.camera, samples.paths
+    if paths is not None:
+        paths = replace(paths, camera=paths.camera.on_other_pixels(1.0 / factor, 0.0, 0.0))
     if camera is not None:
         camera = replace(
             camera,
@@ -156,6 +158,7 @@ def reduced(samples: Samples, factor: int) -> Samples:
         pixel_filter=None,
         film=film,
         camera=camera,
+        paths=paths,
     )
 
 
