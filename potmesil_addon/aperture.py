@@ -9,6 +9,8 @@ the coverage again. A shape of radius r has O(r) differences and O(r^2) pixels.
 from __future__ import annotations
 
 import math
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -23,6 +25,9 @@ SamplePosition = Literal["center", "corner"]
 """Where samples lie on the pixel grid: at pixel centres (Blender) or at pixel corners (the papers)."""
 
 SAMPLE_POSITIONS: Final[tuple[SamplePosition, ...]] = ("center", "corner")
+
+_KEPT_BYTES: Final = 128 << 20
+"""Most memory of tables that are kept for the next frame."""
 
 _POINT: Final = 1e-9
 """Radius in pixels below which a shape is a point."""
@@ -68,6 +73,11 @@ class RowDifferences:
         """Sum of the offsets of an entry and of its mirror image."""
         return self.block if self.position == "center" else self.block - 1
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the table in bytes."""
+        return sum(int(a.nbytes) for a in (self.row_begin, self.row_end, self.offset, self.delta))
+
     def dense(self) -> FloatArray:
         """Return the pixel values.
 
@@ -92,6 +102,31 @@ class RowDifferences:
             if self.symmetric:
                 values[:, row, self.mirror - at + reach] -= delta
         return np.asarray(np.cumsum(values, axis=2)[:, :, :columns])
+
+
+class KeptTables:
+    """Tables of the last frames, as many as fit; the next frame has circles of the same steps."""
+
+    def __init__(self) -> None:
+        self._tables: OrderedDict[Hashable, RowDifferences] = OrderedDict()
+        self._bytes = 0
+
+    def get(self, key: Hashable, make: Callable[[], RowDifferences]) -> RowDifferences:
+        """Return the table of a key, made where it is not kept."""
+        kept = self._tables.get(key)
+        if kept is not None:
+            self._tables.move_to_end(key)
+            return kept
+        table = make()
+        self._tables[key] = table
+        self._bytes += table.nbytes
+        while self._bytes > _KEPT_BYTES:
+            self._bytes -= self._tables.popitem(last=False)[1].nbytes
+        return table
+
+
+KEPT_TABLES: Final = KeptTables()
+"""Tables that take long to make, of all kinds."""
 
 
 def ellipse_rows(radius_x: float, radius_y: float, position: SamplePosition = "center") -> RowDifferences:

@@ -12,10 +12,19 @@ import numpy.typing as npt
 
 from .blocks import put_in_blocks
 from .camera import Film
-from .errors import InputError
+from .character import LensCharacter
+from .errors import InputError, SettingsError
 from .fragments import Fragments, carried_past_the_border, fragments_of
 from .lens import CocModel, Lens, circle_of_confusion
-from .psf import PackedTables, PsfBuilder, PsfSettings, TableAssignment, circles_for_filtered_samples
+from .psf import (
+    MAX_TABLES,
+    PackedTables,
+    PsfBuilder,
+    PsfSettings,
+    TableAssignment,
+    circles_for_filtered_samples,
+)
+from .pupil import circle_in_cells, shows_its_cut
 from .samples import Float32Array, SampleLayer, Samples, Window
 from .scatter import (
     BEHIND,
@@ -76,6 +85,8 @@ class FocusSettings:
         all samples is added (``none``, the papers).
     backend : {"auto", "numba", "numpy"}
         Implementation; all give the same picture.
+    character : LensCharacter or None
+        What is different from place to place, and a pupil that is more than its blades.
     """
 
     lens: Lens
@@ -85,6 +96,7 @@ class FocusSettings:
     weighting: Weighting = "1982"
     visibility: Visibility = "none"
     backend: Backend = "auto"
+    character: LensCharacter | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +188,8 @@ def focus_layer(
             "enable the Z pass or switch the lens off."
         )
     data, seen = samples.data_window, _seen_window(samples)
-    builder = PsfBuilder(settings.lens, settings.film, settings.model, settings.psf, samples.position)
+    shape = None if settings.character is None else settings.character.shape(settings.lens, settings.film)
+    builder = PsfBuilder(settings.lens, settings.film, settings.model, settings.psf, samples.position, shape)
     sources = _sources(layer, samples, builder, settings, turn)
     yield 0.2
     work = Scatter(
@@ -229,19 +242,22 @@ def _sources(
         depth = layer.depth[np.newaxis]
         weight = _weights(depth, settings.weighting)
         color = layer.color[np.newaxis].copy()
-        assignment, side = put_in_blocks(color, weight, builder.assign(depth), builder, compiled=compiled)
+        assigned = builder.assign(_focused_depth(depth, settings, samples))
+        assignment, side = put_in_blocks(color, weight, assigned, builder, compiled=compiled)
+        assignment, side, cell = _in_cells(assignment, side, builder, settings, samples)
         return _Sources(
-            color, weight, assignment, builder.pack(list(builder.tables(assignment.circles, side)))
+            color, weight, assignment, builder.pack(list(builder.tables(assignment.circles, side, cell)))
         )
     views = [layer, *(view for view in layer.hidden if view.depth is not None)]
     pitch = settings.film.pitch_x
-    cells = aperture_cells(settings.lens, pitch / settings.film.pitch_y)
+    pupil = None if settings.character is None else settings.character.pupil
+    cells = aperture_cells(settings.lens, pitch / settings.film.pitch_y, pupil)
     if len(views) == 1:
         colors, depths = layer.color[np.newaxis], layer.depth[np.newaxis]
     else:
         colors = np.stack([view.color for view in views])
         depths = np.stack([view.depth for view in views if view.depth is not None])
-    radius = _radii(depths, settings)
+    radius = _radii(_focused_depth(depths, settings, samples), settings)
     fragments = fragments_of(
         colors,
         depths,
@@ -264,13 +280,14 @@ def _sources(
     assignment, side = put_in_blocks(
         fragments.color,
         weight,
-        _assigned(builder, fragments),
+        _assigned(builder, fragments, _focused_depth(fragments.depth, settings, samples, left, above)),
         builder,
         brightest=brightest,
         least_alpha=_CLEAR,
         marks=(fragments.guessed, fragments.doubt),
         compiled=compiled,
     )
+    assignment, side, cell = _in_cells(assignment, side, builder, settings, samples, left, above)
     # Nothing from here on asks for depths, nor for slopes once it is decided what is hidden.
     nothing = np.zeros((0, 0, 0), dtype=np.float32)
     fragments = fragments._replace(depth=nothing)
@@ -289,7 +306,7 @@ def _sources(
     spread = assignment.circles
     if settings.psf.kind == "disc" and samples.position == "center":
         spread = circles_for_filtered_samples(spread, pitch)
-    tables = builder.pack(list(builder.tables(spread, side)))
+    tables = builder.pack(list(builder.tables(spread, side, cell)))
     masks = Masks(
         number,
         group,
@@ -302,10 +319,9 @@ def _sources(
     return _Sources(fragments.color, weight, assignment, tables, masks, marks, left, above)
 
 
-def _assigned(builder: PsfBuilder, fragments: Fragments) -> TableAssignment:
+def _assigned(builder: PsfBuilder, fragments: Fragments, depths: Float32Array) -> TableAssignment:
     """Choose the tables of all that a pinhole sees, and of those that are there behind it."""
     behind = np.nonzero(fragments.coverage[1:] > 0.0)
-    depths = fragments.depth
     chosen = builder.assign(np.concatenate([depths[0].reshape(-1), depths[1:][behind]]))
 
     def in_sheets(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -316,6 +332,70 @@ def _assigned(builder: PsfBuilder, fragments: Fragments) -> TableAssignment:
 
     fraction = None if chosen.fraction is None else in_sheets(chosen.fraction)
     return TableAssignment(chosen.circles, in_sheets(chosen.table), fraction)
+
+
+def _focused_depth(
+    depths: Float32Array, settings: FocusSettings, samples: Samples, left: int = 0, above: int = 0
+) -> Float32Array:
+    """Return depths that are as far out of focus on the optical axis as samples are where they lie.
+
+    Beyond infinity a depth is negative, as one over it goes on through 0.
+    """
+    if settings.character is None:
+        return depths
+    window = _grown(samples.data_window, depths.shape, left, above)
+    shift = settings.character.vergence(settings.lens, settings.film, window, samples.position)
+    if shift is None:
+        return depths
+    if settings.psf.tables == "equal-z":
+        raise SettingsError(
+            "Tables at equal steps of depth are for a lens that is sharp at one depth all over; "
+            "choose tables at equal steps of the circle."
+        )
+    with np.errstate(divide="ignore"):
+        return np.asarray(1.0 / (1.0 / depths - shift), dtype=np.float32)
+
+
+def _grown(data: Window, shape: tuple[int, ...], left: int, above: int) -> Window:
+    """Return the window of samples that were carried on past the data's border."""
+    rows, columns = shape[-2:]
+    x0, y0 = data.x0 - left, data.y0 - above
+    return Window(x0, y0, x0 + columns, y0 + rows)
+
+
+def _in_cells(
+    assignment: TableAssignment,
+    side: npt.NDArray[np.int64],
+    builder: PsfBuilder,
+    settings: FocusSettings,
+    samples: Samples,
+    left: int = 0,
+    above: int = 0,
+) -> tuple[TableAssignment, npt.NDArray[np.int64], npt.NDArray[np.int64] | None]:
+    """Choose a table for each cell of the field where the barrel cuts the pupil's image."""
+    if builder.shape is None or not builder.shape.is_cut:
+        return assignment, side, None
+    assert settings.character is not None
+    pitch = settings.film.pitch_x
+    cut = shows_its_cut(assignment.circles, pitch)
+    window = _grown(samples.data_window, assignment.table.shape, left, above)
+    cells = settings.character.cells(settings.film, window, samples.position)
+    most = int(cells.max()) + 1
+    # One table for all circles that are about alike.
+    of_circle = np.stack([circle_in_cells(assignment.circles, pitch), side.astype(np.float64)])
+    kinds, kind = np.unique(of_circle, axis=1, return_inverse=True)
+    kind = kind.reshape(-1)
+    wanted = kind[assignment.table] * most + np.where(cut[assignment.table], cells, 0)
+    used = np.bincount(wanted.reshape(-1), minlength=kinds.shape[1] * most) > 0
+    number = np.flatnonzero(used)
+    if number.size > MAX_TABLES:
+        raise SettingsError(
+            f"Mechanical vignetting takes {number.size} tables of point-spread functions here and "
+            f"{MAX_TABLES} is the most; use larger steps between them."
+        )
+    compact = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    circles, sides = kinds[:, number // most]
+    return TableAssignment(circles, compact[wanted], None), sides.astype(np.int64), number % most
 
 
 def _radii(depths: Float32Array, settings: FocusSettings) -> Float32Array:

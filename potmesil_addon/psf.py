@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import functools
 import math
-from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal, NamedTuple
@@ -20,6 +19,7 @@ from scipy import sparse
 
 from . import jit
 from .aperture import (
+    KEPT_TABLES,
     IntArray,
     RowDifferences,
     SamplePosition,
@@ -33,6 +33,7 @@ from .camera import Film
 from .diffraction import lommel_intensity
 from .errors import SettingsError
 from .lens import CocModel, FloatArray, Lens, circle_of_confusion, image_distance
+from .pupil import PupilShape
 
 PsfKind = Literal["disc", "lommel"]
 """``disc`` is the aperture's geometrical image, evenly lit; ``lommel`` its diffraction pattern."""
@@ -74,9 +75,6 @@ _SHARP: Final = 0.02
 
 _LEAST_POLYGON: Final = 1e-3
 """Diameter in pixels below which a polygon is drawn no smaller, so that it keeps an area."""
-
-_KEPT_BYTES: Final = 128 << 20
-"""Most memory of the diffraction tables that are kept for the next frame."""
 
 _ANNULI_PER_PIXEL: Final = 16
 """Annuli of large patterns; of a radius below 8 pixels there are twice as many, below 2 four times.
@@ -232,11 +230,14 @@ class PsfBuilder:
         Kind of PSF and of tables.
     position : {"center", "corner"}
         Where samples lie on the pixel grid.
+    shape : PupilShape or None
+        Makes the tables where the pupil's image is more than blades, rotation and squeeze can say.
 
     Raises
     ------
     SettingsError
-        If diffraction is asked of an aperture that is not round.
+        If diffraction is asked of an aperture that is not round, or tables are to be interpolated where they
+        differ over the field.
     """
 
     lens: Lens
@@ -244,12 +245,18 @@ class PsfBuilder:
     model: CocModel = "cycles"
     settings: PsfSettings = field(default_factory=PsfSettings)
     position: SamplePosition = "center"
+    shape: PupilShape | None = None
 
     def __post_init__(self) -> None:
-        if self.settings.kind == "lommel" and not self.lens.is_round:
+        if self.settings.kind == "lommel" and not (self.lens.is_round and self.shape is None):
             raise SettingsError(
-                "Lommel's diffraction pattern is that of a round aperture; "
-                "set the blades to 0 or choose the disc PSF."
+                "Lommel's diffraction pattern is that of a round, clear and perfect aperture; "
+                "set the blades to 0 and leave out what shapes the aperture, or choose the disc PSF."
+            )
+        if self.shape is not None and self.shape.is_cut and self.settings.lookup == "interpolated":
+            raise SettingsError(
+                "Between the shapes that mechanical vignetting cuts nothing is interpolated; "
+                "choose the nearest table."
             )
 
     def assign(self, depth: npt.NDArray[np.floating]) -> TableAssignment:
@@ -303,7 +310,9 @@ class PsfBuilder:
         compact[values] = np.arange(values.size)
         return TableAssignment(circles=steps.circle(values + first), table=compact[index], fraction=fraction)
 
-    def tables(self, circles: FloatArray, side: IntArray | None = None) -> Iterator[RowDifferences]:
+    def tables(
+        self, circles: FloatArray, side: IntArray | None = None, cell: IntArray | None = None
+    ) -> Iterator[RowDifferences]:
         """Make tables one by one.
 
         Parameters
@@ -312,6 +321,8 @@ class PsfBuilder:
             Signed diameters of the circle of confusion in metres.
         side : ndarray of int64 of shape (tables,), optional
             Side of the block of samples that each table is for, a power of 2; by default 1.
+        cell : ndarray of int64 of shape (tables,), optional
+            Cell of the field that each table is for, see `pupil.field_cells`; by default the middle.
 
         Yields
         ------
@@ -319,7 +330,11 @@ class PsfBuilder:
             The table for each circle, normalised to 1.
         """
         sides = [1] * circles.size if side is None else side.tolist()
-        if self.settings.kind == "lommel":
+        if self.shape is not None:
+            cells = [0] * circles.size if cell is None else cell.tolist()
+            for circle, of_block, of_cell in zip(circles.tolist(), sides, cells, strict=True):
+                yield self.shape.table(circle, of_block, of_cell, self.position)
+        elif self.settings.kind == "lommel":
             yield from self._lommel_tables(circles, sides)
         elif self.lens.is_round:
             for circle, of_block in zip(np.abs(circles), sides, strict=True):
@@ -403,7 +418,7 @@ class PsfBuilder:
             reach = max(radius + margin, step)
             pixels = max(radius, math.pi * max(per_v)) / (_ANNULI_PER_PIXEL * step)
             finer = 4 if pixels < 2.0 else 2 if pixels < 8.0 else 1
-            yield _KEPT_TABLES.get(optics._replace(step=step / finer), tuple(u), reach, side)
+            yield _lommel_table(optics._replace(step=step / finer), tuple(u), reach, side)
 
 
 class _Optics(NamedTuple):
@@ -451,36 +466,12 @@ class _Optics(NamedTuple):
         return _rows_of_quadrant(quadrant, self.position)
 
 
-class _KeptTables:
-    """Diffraction tables of the last frames, as many as fit; the next frame has circles of the same steps."""
-
-    def __init__(self) -> None:
-        self._tables: OrderedDict[tuple[Any, ...], RowDifferences] = OrderedDict()
-        self._bytes = 0
-
-    def get(self, optics: _Optics, u: tuple[float, ...], reach: float, side: int) -> RowDifferences:
-        """Return a table, made where it is not kept, of a block of samples."""
-        key = optics, u, reach, side
-        kept = self._tables.get(key)
-        if kept is not None:
-            self._tables.move_to_end(key)
-            return kept
-        if side == 1:
-            table = optics.table(u, reach)
-        else:
-            table = widened(self.get(optics, u, reach, 1), side)
-        self._tables[key] = table
-        self._bytes += _bytes_of(table)
-        while self._bytes > _KEPT_BYTES:
-            self._bytes -= _bytes_of(self._tables.popitem(last=False)[1])
-        return table
-
-
-_KEPT_TABLES: Final = _KeptTables()
-
-
-def _bytes_of(table: RowDifferences) -> int:
-    return table.row_begin.nbytes + table.row_end.nbytes + table.offset.nbytes + table.delta.nbytes
+def _lommel_table(optics: _Optics, u: tuple[float, ...], reach: float, side: int) -> RowDifferences:
+    """Return the diffraction table of a block of samples, made where it is not kept."""
+    key = optics, u, reach, side
+    if side == 1:
+        return KEPT_TABLES.get(key, lambda: optics.table(u, reach))
+    return KEPT_TABLES.get(key, lambda: widened(_lommel_table(optics, u, reach, 1), side))
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,8 +19,10 @@ from scipy import ndimage
 
 from . import jit
 from .aperture import polygon_vertices
+from .effects import Pupil
 from .fragments import Fragments
 from .lens import FloatArray, Lens
+from .pupil import transmission
 from .samples import Float32Array
 from .scatter import CELLS
 
@@ -156,7 +158,7 @@ class ApertureCells:
         return Pinholes(x, y, np.asarray(within.any(axis=2)), span)
 
 
-def aperture_cells(lens: Lens, pixel_ratio: float) -> ApertureCells:
+def aperture_cells(lens: Lens, pixel_ratio: float, pupil: Pupil | None = None) -> ApertureCells:
     """Divide an aperture into cells.
 
     No two points share their x or their y, so that an upright or level edge passes them one by one.
@@ -167,38 +169,44 @@ def aperture_cells(lens: Lens, pixel_ratio: float) -> ApertureCells:
         Whose blades and anamorphic ratio count.
     pixel_ratio : float
         Pitch of the pixels along x over that along y.
+    pupil : Pupil, optional
+        The aperture's shape beyond them.
 
     Returns
     -------
     ApertureCells
         The cells.
     """
-    return _cells(
-        0 if lens.is_round else lens.blades, lens.blade_rotation, lens.anamorphic_ratio, pixel_ratio
-    )
+    blades = 0 if lens.is_round else lens.blades
+    return _cells(blades, lens.blade_rotation, lens.anamorphic_ratio, pixel_ratio, pupil)
 
 
 @functools.lru_cache(maxsize=16)
-def _cells(blades: int, rotation: float, anamorphic_ratio: float, pixel_ratio: float) -> ApertureCells:
+def _cells(
+    blades: int, rotation: float, anamorphic_ratio: float, pixel_ratio: float, pupil: Pupil | None
+) -> ApertureCells:
     """Divide an aperture into cells; frame after frame has the same one."""
     count = CELLS * _FINE
     fine = (np.arange(count) + 0.5) / count * 2.0 - 1.0
     x, y = np.meshgrid(fine, fine)
-    if blades == 0:
-        inside = x * x + y * y <= 1.0
+    if pupil is not None:
+        light = transmission(Lens(1.0, 1.0, 1.0, blades, rotation), pupil, count)
+    elif blades == 0:
+        light = (x * x + y * y <= 1.0).astype(np.float64)
     else:
         corners = polygon_vertices(blades, rotation, 1.0)
         edges = np.roll(corners, -1, axis=0) - corners
         # Rows count downwards, the corners' y upwards.
-        inside = np.all(
+        light = np.all(
             [
                 ex * (-y - cy) - ey * (x - cx) >= 0.0
                 for (ex, ey), (cx, cy) in zip(edges, corners, strict=True)
             ],
             axis=0,
-        )
-    inside = inside.reshape(CELLS, _FINE, CELLS, _FINE).swapaxes(1, 2)
-    area = inside.sum(axis=(2, 3)) / inside.sum()
+        ).astype(np.float64)
+    light = light.reshape(CELLS, _FINE, CELLS, _FINE).swapaxes(1, 2)
+    inside = light > 0.0
+    area = light.sum(axis=(2, 3)) / light.sum()
     reversed_ = np.array([int(f"{n:04b}"[::-1], 2) for n in range(CELLS)])
     within = (reversed_ + 0.5) / CELLS
     point_x, point_y = np.zeros((CELLS, CELLS)), np.zeros((CELLS, CELLS))

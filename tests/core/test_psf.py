@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import interpolate
 
-from potmesil_addon import psf
+from potmesil_addon import aperture, psf
 from potmesil_addon.aperture import SAMPLE_POSITIONS, SamplePosition, ellipse_rows
 from potmesil_addon.camera import Film
 from potmesil_addon.errors import SettingsError
@@ -234,12 +234,12 @@ def test_kept_lommel_tables_do_not_fill_the_memory(monkeypatch: pytest.MonkeyPat
     made = builder({"lens": lens(), "settings": PsfSettings(kind="lommel")})
     circles = np.arange(1.0, 30.0) * PITCH
     plenty = list(made.tables(circles))
-    kept = psf._KeptTables()
-    monkeypatch.setattr(psf, "_KEPT_TABLES", kept)
-    monkeypatch.setattr(psf, "_KEPT_BYTES", 100_000)
+    kept = aperture.KeptTables()
+    monkeypatch.setattr(psf, "KEPT_TABLES", kept)
+    monkeypatch.setattr(aperture, "_KEPT_BYTES", 100_000)
     few = list(made.tables(circles))
     assert 0 < kept._bytes <= 100_000
-    assert kept._bytes == sum(psf._bytes_of(table) for table in kept._tables.values())
+    assert kept._bytes == sum(table.nbytes for table in kept._tables.values())
     for a, b in zip(plenty, few, strict=True):
         assert np.array_equal(a.delta, b.delta)
     # The last ones are those that are kept.
