@@ -59,6 +59,10 @@ class Film:
         """Height of a pixel on the film in metres."""
         return self.height / self.rows
 
+    def with_pixels(self, columns: int, rows: int) -> Film:
+        """Return a film of more or fewer pixels of the same size."""
+        return Film(self.pitch_x * columns, self.pitch_y * rows, columns, rows)
+
     @classmethod
     def from_sensor(
         cls,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final
 
 import numpy as np
@@ -121,6 +122,36 @@ class SampleLayer:
     patch: npt.NDArray[np.int32] | None = None
     astigmatism: Float32Array | None = None
 
+    def mapped(self, change: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> SampleLayer:
+        """Return the layer, and all that belongs to it, on another grid.
+
+        Parameters
+        ----------
+        change : callable
+            Takes an array whose first axes are rows and columns to one on the other grid.
+
+        Returns
+        -------
+        SampleLayer
+            With the same name.
+        """
+
+        def of_ranks(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+            return np.ascontiguousarray(np.moveaxis(change(np.moveaxis(values, 0, -1)), -1, 0))
+
+        changed: dict[str, Any] = {}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                changed[item.name] = np.ascontiguousarray(change(value))
+            elif isinstance(value, SampleLayer):
+                changed[item.name] = value.mapped(change)
+            elif isinstance(value, Cryptomatte):
+                changed[item.name] = Cryptomatte(of_ranks(value.ids), of_ranks(value.coverage))
+            elif item.name == "hidden":
+                changed[item.name] = tuple(view.mapped(change) for view in value)
+        return replace(self, **changed)
+
 
 @dataclass(frozen=True, slots=True)
 class LensAttributes:
@@ -219,6 +250,56 @@ class Samples:
     lamps: tuple[Lamp, ...] = ()
     repaired: dict[str, int] = field(default_factory=dict)
     attributes: dict[str, Any] = field(default_factory=dict)
+
+    def showing(self, window: Window) -> Samples:
+        """Return the same samples for a picture on another window, their border carried on to cover it.
+
+        Parameters
+        ----------
+        window : Window
+            The other display window.
+
+        Returns
+        -------
+        Samples
+            Film, camera and paths are those of the other picture; the lens and all distances are the same.
+        """
+        extra = 1 if self.position == "corner" else 0
+        data, display = self.data_window, self.display_window
+        before = max(data.y0 - window.y0, 0), max(data.x0 - window.x0, 0)
+        after = max(window.y1 + extra - data.y1, 0), max(window.x1 + extra - data.x1, 0)
+        layers = self.layers
+        if any((*before, *after)):
+
+            def carried_on(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+                widths = [*zip(before, after, strict=True), *[(0, 0)] * (values.ndim - 2)]
+                return np.pad(values, widths, mode="edge")
+
+            layers = tuple(layer.mapped(carried_on) for layer in layers)
+        left, above = window.x0 - display.x0, window.y0 - display.y0
+        film, camera, paths = self.film, self.camera, self.paths
+        if film is not None:
+            film = film.with_pixels(window.columns, window.rows)
+        if camera is not None:
+            camera = replace(
+                camera,
+                film=camera.film.with_pixels(window.columns, window.rows),
+                axis_x=camera.axis_x - left,
+                axis_y=camera.axis_y - above,
+            )
+        if paths is not None:
+            paths = replace(paths, camera=paths.camera.on_other_pixels(1.0, left, above))
+        return replace(
+            self,
+            layers=layers,
+            data_window=Window(
+                data.x0 - before[1], data.y0 - before[0], data.x1 + after[1], data.y1 + after[0]
+            ),
+            display_window=window,
+            film=film,
+            camera=camera,
+            paths=paths,
+        )
 
     @property
     def mixes_surfaces(self) -> bool:

@@ -15,13 +15,13 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from .camera import Film
-from .samples import SampleLayer, Samples, Window
+from .samples import Samples, Window
 
 _SIDE: Final = 24
 """Rows and columns of the part of the frame that is enough to call every kernel."""
@@ -87,16 +87,16 @@ def part_of(samples: Samples, film: Film | None) -> Samples:
     Samples
         At most 24 by 24 samples, of all layers.
     """
-    data, display = samples.data_window, samples.display_window
+    data = samples.data_window
     rows, columns = min(_SIDE, data.rows), min(_SIDE, data.columns)
     y, x = _busiest(samples.layers[0].depth, rows, columns)
     window = Window(0, 0, columns, rows)
     if film is not None:
-        film = Film(film.width * columns / display.columns, film.height * rows / display.rows, columns, rows)
+        film = film.with_pixels(columns, rows)
     cut = np.s_[y : y + rows, x : x + columns]
     return replace(
         samples,
-        layers=tuple(_cut(layer, cut) for layer in samples.layers),
+        layers=tuple(layer.mapped(lambda values: values[cut]) for layer in samples.layers),
         data_window=window,
         display_window=window,
         film=film,
@@ -112,38 +112,6 @@ def _busiest(depth: npt.NDArray[np.float32] | None, rows: int, columns: int) -> 
     spread = squares.max(axis=(1, 3)) - squares.min(axis=(1, 3))
     row, column = divmod(int(np.argmax(spread)), spread.shape[1])
     return row * rows, column * columns
-
-
-def _cut(layer: SampleLayer, cut: tuple[slice, slice]) -> SampleLayer:
-    """Return a part of a layer and of all that belongs to it."""
-
-    def part(values: Any) -> Any:
-        return None if values is None else np.ascontiguousarray(values[cut])
-
-    matte = layer.cryptomatte
-    if matte is not None:
-        ids, coverage = matte.ids[:, cut[0], cut[1]], matte.coverage[:, cut[0], cut[1]]
-        matte = replace(matte, ids=np.ascontiguousarray(ids), coverage=np.ascontiguousarray(coverage))
-
-    def view(other: SampleLayer | None) -> SampleLayer | None:
-        return None if other is None else _cut(other, cut)
-
-    return replace(
-        layer,
-        color=part(layer.color),
-        depth=part(layer.depth),
-        object_index=part(layer.object_index),
-        vector=part(layer.vector),
-        stationary=view(layer.stationary),
-        moving=view(layer.moving),
-        hidden=tuple(_cut(hidden, cut) for hidden in layer.hidden),
-        cryptomatte=matte,
-        reflected=view(layer.reflected),
-        transmitted=view(layer.transmitted),
-        absent=view(layer.absent),
-        patch=part(layer.patch),
-        astigmatism=part(layer.astigmatism),
-    )
 
 
 if __name__ == "__main__":
