@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from potmesil_addon.samples import Window, repair
+from potmesil_addon.camera import Camera, Film
+from potmesil_addon.paths import CameraPath, MotionPaths
+from potmesil_addon.samples import Cryptomatte, SampleLayer, Samples, Window, repair
 
 
 def test_window_counts_its_pixels() -> None:
@@ -86,3 +88,41 @@ def test_every_hole_is_filled() -> None:
     assert values.min() >= 1.0
     assert values.max() <= 2.0
     assert np.array_equal(values[~broken], sound)
+
+
+def test_another_picture_of_the_same_samples_sees_the_same_points() -> None:
+    film = Film(0.036, 0.024, 36, 24)
+    camera = Camera(np.eye(4), 0.05, film, axis_x=17.0, axis_y=13.0)
+    path = CameraPath(np.zeros(1), camera.matrix[np.newaxis])
+    window = Window(100, 50, 136, 74)
+    color = np.random.default_rng(0).random((24, 36, 4)).astype(np.float32)
+    ids = np.arange(2 * 24 * 36, dtype=np.uint32).reshape(2, 24, 36)
+    layer = SampleLayer(
+        "",
+        color,
+        color[..., 0],
+        hidden=(SampleLayer("behind", color[..., ::-1].copy()),),
+        cryptomatte=Cryptomatte(ids, np.ones((2, 24, 36), np.float32)),
+    )
+    samples = Samples((layer,), window, window, film=film, camera=camera, paths=MotionPaths(path))
+    wider = samples.showing(Window(97, 52, 140, 74))
+    assert wider.display_window == Window(97, 52, 140, 74)
+    assert wider.data_window == Window(97, 50, 140, 74)
+    assert wider.film is not None
+    assert (wider.film.pitch_x, wider.film.pitch_y) == pytest.approx((film.pitch_x, film.pitch_y))
+    # A point's absolute pixel stays; the picture's corner moved by 3 columns and -2 rows.
+    points = np.array([[0.3, 0.2, -4.0], [-0.1, 0.4, -9.0]])
+    assert wider.camera is not None
+    assert wider.camera.project(points)[0] - [3.0, -2.0] == pytest.approx(camera.project(points)[0])
+    assert wider.paths is not None
+    assert wider.paths.camera.at(0.0)[:3] == pytest.approx(wider.camera.matrix)
+    bent = wider.layers[0]
+    assert np.array_equal(bent.color[:, 3:-4], color)
+    assert np.array_equal(bent.color[:, 0], color[:, 0])
+    assert bent.depth is not None
+    assert np.array_equal(bent.depth[:, -1], color[:, -1, 0])
+    assert bent.cryptomatte is not None
+    assert np.array_equal(bent.cryptomatte.ids[:, :, 3:-4], ids)
+    assert np.array_equal(bent.hidden[0].color[:, 3:-4], color[..., ::-1])
+    smaller = samples.showing(Window(110, 60, 120, 70))
+    assert smaller.layers is samples.layers
