@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from bpy.app.translations import pgettext_iface as iface_
 from bpy.app.translations import pgettext_n as n_
 from bpy.app.translations import pgettext_rpt as rpt_
 
+from ..potmesil_addon.effects import KINDS
 from ..potmesil_addon.errors import InputError, PotmesilError
 from . import beside
 from .animation import curves_of
@@ -83,6 +85,14 @@ _OWN_SETTINGS = (
     "exposure_duration",
     "exposure_spacing",
 )
+_EFFECT_SETTINGS = {
+    f"potmesil_camera.effects.{name}": ("use", *(item.name for item in fields(kind)))
+    for name, kind in KINDS.items()
+}
+_EFFECT_SETTINGS["potmesil_camera.effects.distortion"] += ("clip",)
+
+_POINTERS = {"focus_object": "objects", "clip": "movieclips"}
+"""Settings that point to data of Blender's, and where that is."""
 
 
 class _Worker:
@@ -184,6 +194,18 @@ def _remove_abandoned() -> None:
                 shutil.rmtree(folder, ignore_errors=True)
 
 
+def _values_of(owner: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return what settings are, in a form that no later change of them reaches."""
+    values = {name: getattr(owner, name) for name in names}
+    for name, value in values.items():
+        if name in _POINTERS:
+            # Undo and redo make new objects, and the old ones are gone.
+            values[name] = value and value.name_full
+        elif not isinstance(value, bool | int | float | str):
+            values[name] = tuple(value)
+    return values
+
+
 class _Session:
     """Live Focus in one window, from the button to its end."""
 
@@ -219,10 +241,9 @@ class _Session:
         now = scene.name_full, scene.frame_current
         if ("scene", scene.name_full, "render") not in self._before:
             self._frames["scene", scene.name_full] = now
-            for part, names in (("render", _RENDER_SETTINGS), ("potmesil_camera", _OWN_SETTINGS)):
-                owner = getattr(scene, part)
-                key = ("scene", scene.name_full, part)
-                self._before[key] = {name: getattr(owner, name) for name in names}
+            settings = {"render": _RENDER_SETTINGS, "potmesil_camera": _OWN_SETTINGS, **_EFFECT_SETTINGS}
+            for part, names in settings.items():
+                self._before["scene", scene.name_full, part] = _values_of(scene.path_resolve(part), names)
         camera = scene.camera
         if camera is None or camera.type != "CAMERA":
             return
@@ -230,10 +251,7 @@ class _Session:
         if ("camera", data.name_full, "dof") not in self._before:
             self._frames["camera", data.name_full] = now
             self._before["camera", data.name_full, ""] = {n: getattr(data, n) for n in _CAMERA_SETTINGS}
-            values = {name: getattr(data.dof, name) for name in _DOF_SETTINGS}
-            # Undo and redo make new objects, and the old ones are gone.
-            values["focus_object"] = values["focus_object"] and values["focus_object"].name_full
-            self._before["camera", data.name_full, "dof"] = values
+            self._before["camera", data.name_full, "dof"] = _values_of(data.dof, _DOF_SETTINGS)
 
     def restore(self) -> bool:
         """Put back every setting that was changed; return whether there was any."""
@@ -243,18 +261,20 @@ class _Session:
             data = next((item for item in found if item.name_full == full_name), None)
             if data is None:
                 continue
-            owner = getattr(data, part) if part else data
+            owner = data.path_resolve(part) if part else data
             scene_name, frame = self._frames[kind, full_name]
             scene = next((item for item in bpy.data.scenes if item.name_full == scene_name), None)
             elsewhere = scene is None or scene.frame_current != frame
             for name, before in values.items():
                 value = before
-                if name == "focus_object":
-                    value = next((o for o in bpy.data.objects if o.name_full == before), None)
+                if name in _POINTERS:
+                    there = getattr(bpy.data, _POINTERS[name])
+                    value = next((item for item in there if item.name_full == before), None)
                 # At another frame what is animated is right as it is.
                 if elsewhere and any(curves_of(owner, name)):
                     continue
-                if getattr(owner, name) != value:
+                now = getattr(owner, name)
+                if (tuple(now) if isinstance(value, tuple) else now) != value:
                     with contextlib.suppress(AttributeError):  # linked data cannot be changed
                         setattr(owner, name, value)
                         changed = True

@@ -14,6 +14,7 @@ from bpy.app.translations import pgettext_iface as iface_
 from ..potmesil_addon.shutter import ShutterAttributes, Slit
 from . import kernels
 from .composite import composite, refuse_unready
+from .effects import scene_effects
 from .export import samples_path
 from .result import ERROR_NAME, GUESSED_NAME, show_result, store_map, store_result
 from .scene import evaluated_camera, scene_exposure, scene_lens
@@ -278,6 +279,8 @@ def scene_settings(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> dict[s
         # Blender keeps camera lengths in millimetres.
         "uniform_defocus": own.uniform_defocus / 1000.0,
         "fade": own.fade,
+        "effects": scene_effects(scene),
+        "frame": scene.frame_current,
     }
 
 

@@ -6,6 +6,8 @@ import bpy
 
 from . import (
     camera_tab,
+    effects_panels,
+    effects_properties,
     inspect_panel,
     output_tab,
     presets,
@@ -16,14 +18,19 @@ from . import (
     viewport,
 )
 
+_CHECKS = (camera_tab.POTMESIL_PT_camera_check, render_tab.POTMESIL_PT_render_check)
+"""What stands below all other panels of its tab."""
+
 CLASSES = (
+    *effects_properties.CLASSES,
     properties.PotmesilSceneSettings,
     properties.PotmesilCollectionSettings,
     properties.PotmesilObjectSettings,
     properties.PotmesilState,
     *presets.CLASSES,
-    *camera_tab.CLASSES,
-    *render_tab.CLASSES,
+    *(cls for cls in (*camera_tab.CLASSES, *render_tab.CLASSES) if cls not in _CHECKS),
+    *effects_panels.CLASSES,
+    *_CHECKS,
     *output_tab.CLASSES,
     *sidebars.CLASSES,
     *inspect_panel.CLASSES,

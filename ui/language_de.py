@@ -364,6 +364,307 @@ GERMAN: dict[str, str] = {
         "Das Licht aller Dinge wird addiert, wie in den Veröffentlichungen: schneller, aber unscharfe "
         "Hintergründe breiten sich über das aus, was vor ihnen liegt"
     ),
+    # Presets of the special effects.
+    "Lens Presets": "Voreinstellungen für das Objektiv",
+    "Add Lens Preset": "Voreinstellung für das Objektiv hinzufügen",
+    "Add or remove a preset of the lens's character": (
+        "Eine Voreinstellung für den Charakter des Objektivs hinzufügen oder entfernen"
+    ),
+    "Filter and Film Presets": "Voreinstellungen für Filter und Film",
+    "Add Filter and Film Preset": "Voreinstellung für Filter und Film hinzufügen",
+    "Add or remove a preset of filters, film and sensor": (
+        "Eine Voreinstellung für Filter, Film und Sensor hinzufügen oder entfernen"
+    ),
+    # The lens's character.
+    "Special Effects": "Spezialeffekte",
+    "What a real lens, filters, film and sensor add to the picture": (
+        "Was ein wirkliches Objektiv, Filter, Film und Sensor dem Bild hinzufügen"
+    ),
+    "Lens Character": "Objektivcharakter",
+    "Aperture Shape": "Blendenform",
+    "Give the light of points out of focus the shape of a real aperture": (
+        "Dem Licht unscharfer Punkte die Form einer wirklichen Blende geben"
+    ),
+    "Blade Curvature": "Lamellenform",
+    "How far the blades are bent, from straight to a round aperture": (
+        "Wie stark die Lamellen gebogen sind, von gerade bis zu einer runden Blende"
+    ),
+    "Obstruction": "Abschattung",
+    (
+        "Diameter of a mirror lens's secondary mirror, as a share of the aperture's: lights out of focus "
+        "become rings"
+    ): (
+        "Durchmesser des Fangspiegels eines Spiegelobjektivs als Anteil an dem der Blende: Unscharfe "
+        "Lichter werden zu Ringen"
+    ),
+    "Apodisation": "Apodisation",
+    (
+        "Density of a filter in the aperture that darkens towards the rim, so that lights out of focus "
+        "have soft edges"
+    ): (
+        "Dichte eines Filters in der Blende, der zum Rand hin dunkler wird, so dass unscharfe Lichter "
+        "weiche Ränder haben"
+    ),
+    "Spherical Aberration": "Sphärische Aberration",
+    "Spherical": "Sphärisch",
+    (
+        "How far behind the focus of rays near the axis those through the rim meet at f/1: positive gives "
+        "soft rims before and hard rims behind the plane in focus, negative the reverse"
+    ): (
+        "Wie weit hinter dem Brennpunkt achsnaher Strahlen sich bei f/1 die vom Rand treffen: Positiv gibt "
+        "weiche Ränder vor und harte hinter der Fokusebene, negativ umgekehrt"
+    ),
+    "A picture of the aperture, white where light passes, in place of blades and obstruction": (
+        "Ein Bild der Blende, weiß, wo Licht hindurchgeht, an Stelle von Lamellen und Abschattung"
+    ),
+    "Diffraction as Aperture Image is for a round and clear aperture only; choose Geometric.": (
+        "Beugung als Blendenbild gibt es nur für eine runde und freie Blende; „Geometrisch“ wählen."
+    ),
+    "Focal Surface": "Schärfefläche",
+    "Tilt the plane in focus as a view camera does, or bend it": (
+        "Die Fokusebene kippen, wie eine Fachkamera es tut, oder sie biegen"
+    ),
+    "Tilt": "Neigung",
+    "Angle that the lens is tilted up by: what is above is sharp nearer by": (
+        "Winkel, um den das Objektiv nach oben geneigt ist: Was oben ist, ist näher an der Kamera scharf"
+    ),
+    "Swing": "Schwenkung",
+    "Angle that the lens is swung to the right by: what is right is sharp nearer by": (
+        "Winkel, um den das Objektiv nach rechts geschwenkt ist: Was rechts ist, ist näher an der Kamera "
+        "scharf"
+    ),
+    "Hinge At": "Drehachse bei",
+    "Curvature": "Wölbung",
+    (
+        "One over the radius, in metres, of the surface that the lens images sharply onto: with positive "
+        "ones the border is sharp nearer by than the middle"
+    ): (
+        "Eins durch den Radius in Metern der Fläche, auf die das Objektiv scharf abbildet: Mit positiven "
+        "Werten ist der Rand näher an der Kamera scharf als die Mitte"
+    ),
+    "Chromatic Aberration": "Chromatische Aberration",
+    "Focus the colours at other distances, or image them at other sizes, as simple lenses do": (
+        "Die Farben in anderen Entfernungen fokussieren oder in anderer Größe abbilden, wie einfache "
+        "Linsen es tun"
+    ),
+    "Focus Red": "Fokus Rot",
+    "Focus Blue": "Fokus Blau",
+    "Size Red": "Größe Rot",
+    "Size Blue": "Größe Blau",
+    "Blue": "Blau",
+    "How far behind green's focus on the film side red's lies: what is out of focus has coloured rims": (
+        "Wie weit auf der Filmseite der Fokus von Rot hinter dem von Grün liegt: Unscharfes hat farbige "
+        "Ränder"
+    ),
+    "How far behind green's focus on the film side blue's lies: what is out of focus has coloured rims": (
+        "Wie weit auf der Filmseite der Fokus von Blau hinter dem von Grün liegt: Unscharfes hat farbige "
+        "Ränder"
+    ),
+    "Share by which red's picture is larger than green's: edges towards the corners have coloured fringes": (
+        "Anteil, um den das Bild in Rot größer ist als das in Grün: Kanten zu den Ecken hin haben Farbsäume"
+    ),
+    "Share by which blue's picture is larger than green's: edges towards the corners have coloured fringes": (
+        "Anteil, um den das Bild in Blau größer ist als das in Grün: Kanten zu den Ecken hin haben Farbsäume"
+    ),
+    "Vignetting": "Vignettierung",
+    "Darken the corners, and cut lights out of focus there to cat's eyes": (
+        "Die Ecken abdunkeln und unscharfe Lichter dort zu Katzenaugen beschneiden"
+    ),
+    "Natural": "Natürlich",
+    (
+        "Share of the fall of light with the fourth power of the cosine of its angle, which a simple lens "
+        "has in full"
+    ): (
+        "Anteil am Lichtabfall mit der vierten Potenz des Kosinus des Winkels, den eine einfache Linse "
+        "ganz hat"
+    ),
+    "Cat's Eye": "Katzenauge",
+    (
+        "How far the barrel's openings are shifted against the aperture in the corners, in diameters of "
+        "the aperture"
+    ): (
+        "Wie weit die Öffnungen der Fassung in den Ecken gegen die Blende verschoben sind, in Durchmessern "
+        "der Blende"
+    ),
+    "Fastest F-Stop": "Größte Öffnung",
+    (
+        "F-stop at which the aperture is as wide as the barrel: stopped down from there, cat's eyes go. 0 "
+        "is the present one"
+    ): (
+        "Blendenzahl, bei der die Blende so weit ist wie die Fassung: Abgeblendet verschwinden die "
+        "Katzenaugen. 0 ist die jetzige"
+    ),
+    "Distortion": "Verzeichnung",
+    "Bend straight lines to a barrel or a pincushion, by the formulas of movie clips": (
+        "Gerade Linien tonnen- oder kissenförmig biegen, nach den Formeln der Filmclips"
+    ),
+    "Clip": "Clip",
+    "Movie clip whose solved camera says how lines are bent, in place of the numbers below": (
+        "Filmclip, dessen berechnete Kamera sagt, wie Linien gebogen werden, an Stelle der Zahlen darunter"
+    ),
+    "Model": "Modell",
+    "Formula of the movie clip editor": "Formel des Filmclip-Editors",
+    "Brown": "Brown",
+    "Radial and tangential terms by Brown and Conrady": (
+        "Radiale und tangentiale Glieder nach Brown und Conrady"
+    ),
+    "Polynomial": "Polynom",
+    "Radial terms, which fit common cameras": "Radiale Glieder, die zu üblichen Kameras passen",
+    "Division": "Division",
+    "One over a polynomial, which fits wide-angle lenses better": (
+        "Eins durch ein Polynom, was besser zu Weitwinkeln passt"
+    ),
+    "Nuke": "Nuke",
+    "The terms of Nuke's lens distortion": "Die Glieder der Objektivverzeichnung von Nuke",
+    "K1": "K1",
+    "K2": "K2",
+    "K3": "K3",
+    "K4": "K4",
+    "P1": "P1",
+    "P2": "P2",
+    (
+        "Coefficient of the second power of the radius; with Brown, below 0 is a barrel and above 0 a "
+        "pincushion"
+    ): ("Koeffizient der zweiten Potenz des Radius; bei Brown ist unter 0 eine Tonne und über 0 ein Kissen"),
+    "Coefficient of the fourth power of the radius": "Koeffizient der vierten Potenz des Radius",
+    "Coefficient of the sixth power of the radius": "Koeffizient der sechsten Potenz des Radius",
+    "Coefficient of the eighth power of the radius": "Koeffizient der achten Potenz des Radius",
+    "First tangential coefficient, of a lens off its axis": (
+        "Erster tangentialer Koeffizient, für eine Linse neben ihrer Achse"
+    ),
+    "Second tangential coefficient, of a lens off its axis": (
+        "Zweiter tangentialer Koeffizient, für eine Linse neben ihrer Achse"
+    ),
+    # Filters and film.
+    "Filters and Film": "Filter und Film",
+    (
+        "Spread all light by the diffraction pattern of the aperture, which gives bright lights the stars "
+        "of a lens stopped down"
+    ): (
+        "Alles Licht nach dem Beugungsmuster der Blende ausbreiten, was hellen Lichtern die Sterne eines "
+        "abgeblendeten Objektivs gibt"
+    ),
+    "Strength": "Stärke",
+    "Share of the light that is diffracted; 1 is physical": (
+        "Anteil des Lichts, der gebeugt wird; 1 ist physikalisch"
+    ),
+    "F-stop of the pattern in place of the lens's; 0 is the lens's": (
+        "Blendenzahl des Musters an Stelle der des Objektivs; 0 ist die des Objektivs"
+    ),
+    "Full Spectrum": "Vollspektrum",
+    (
+        "Let all wavelengths make the pattern, which gives its streaks the colours of a rainbow, and not "
+        "only one for each of red, green and blue"
+    ): (
+        "Das Muster aus allen Wellenlängen bilden, was seinen Strahlen die Farben des Regenbogens gibt, "
+        "und nicht nur aus je einer für Rot, Grün und Blau"
+    ),
+    "Star Filter": "Sternfilter",
+    "Put glass with fine parallel grooves before the lens, which draw lights out to streaks": (
+        "Ein Glas mit feinen parallelen Rillen vor das Objektiv setzen, die Lichter zu Strahlen ausziehen"
+    ),
+    "Directions": "Richtungen",
+    "Directions of the grooves, each of which gives a star two points": (
+        "Richtungen der Rillen, deren jede einem Stern zwei Zacken gibt"
+    ),
+    "Star Points": "Zacken",
+    "Angle of the first streak, counter-clockwise from level": (
+        "Winkel des ersten Strahls, gegen den Uhrzeigersinn von der Waagerechten"
+    ),
+    "Share of the light that falls on grooves": "Anteil des Lichts, der auf Rillen fällt",
+    "Width (µm)": "Breite (µm)",
+    "Width of a groove: the narrower, the longer the streaks": (
+        "Breite einer Rille: je schmaler, desto länger die Strahlen"
+    ),
+    "Image Filter": "Bildfilter",
+    "Give a share of all light the form of a picture, such as a glare that was photographed": (
+        "Einem Anteil allen Lichts die Form eines Bildes geben, etwa einer fotografierten Blendung"
+    ),
+    "Picture": "Bild",
+    "What a point of light becomes; the picture's middle is the point's place": (
+        "Was aus einem Lichtpunkt wird; die Mitte des Bildes ist der Ort des Punktes"
+    ),
+    "Choose a picture first.": "Zuerst ein Bild wählen.",
+    "Share of the light that takes the picture's form": "Anteil des Lichts, der die Form des Bildes annimmt",
+    "Size": "Größe",
+    "Width of the picture as a share of the frame's": "Breite des Bildes als Anteil an der des ganzen",
+    "Angle that the picture is turned by, counter-clockwise": (
+        "Winkel, um den das Bild gegen den Uhrzeigersinn gedreht wird"
+    ),
+    "Exposure": "Belichtung",
+    "Let film speed, f-stop and shutter time brighten and darken the picture as in a real camera": (
+        "Filmempfindlichkeit, Blendenzahl und Verschlusszeit hellen das Bild auf und dunkeln es ab wie in "
+        "einer wirklichen Kamera"
+    ),
+    "ISO": "ISO",
+    "Speed of the film or the sensor: twice the number is one stop brighter": (
+        "Empfindlichkeit des Films oder des Sensors: Die doppelte Zahl ist eine Blendenstufe heller"
+    ),
+    "Normal EV": "Normaler LW",
+    (
+        "Exposure value at ISO 100 that leaves the picture as it was rendered: that of the light that the "
+        "scene stands for, such as 15 in the sun"
+    ): (
+        "Lichtwert bei ISO 100, der das Bild lässt, wie es gerendert wurde: der des Lichts, für das die "
+        "Szene steht, etwa 15 in der Sonne"
+    ),
+    "ND Filter": "Graufilter",
+    "How much a grey filter before the lens darkens the picture, in stops": (
+        "Wie viel ein Graufilter vor dem Objektiv das Bild abdunkelt, in Blendenstufen"
+    ),
+    "Filter Color": "Filterfarbe",
+    "Share of red, green and blue light that a coloured filter before the lens lets through": (
+        "Anteil an rotem, grünem und blauem Licht, den ein Farbfilter vor dem Objektiv durchlässt"
+    ),
+    "Brightness": "Helligkeit",
+    "{stops:+.1f} Stops": "{stops:+.1f} Blendenstufen",
+    "Film Grain": "Filmkorn",
+    "Give the picture the grain of a film, by the granularity on its data sheet": (
+        "Dem Bild das Korn eines Films geben, nach der Körnigkeit auf seinem Datenblatt"
+    ),
+    "Granularity": "Körnigkeit",
+    (
+        "RMS granularity of film data sheets: 1000 times the deviation of density seen through a hole of "
+        "48 µm. About 5 is very fine, 10 fine, 20 coarse"
+    ): (
+        "RMS-Körnigkeit der Datenblätter von Filmen: das Tausendfache der Streuung der Dichte, durch ein "
+        "Loch von 48 µm gesehen. Etwa 5 ist sehr fein, 10 fein, 20 grob"
+    ),
+    "Size (µm)": "Größe (µm)",
+    "Diameter of a grain or dye cloud on the film": (
+        "Durchmesser eines Korns oder einer Farbstoffwolke auf dem Film"
+    ),
+    "Color": "Farbe",
+    (
+        "How different the grain of red, green and blue is: 0 for black-and-white film, 1 for three layers "
+        "apart"
+    ): (
+        "Wie verschieden das Korn von Rot, Grün und Blau ist: 0 für Schwarzweißfilm, 1 für drei getrennte "
+        "Schichten"
+    ),
+    "Seed": "Startwert",
+    "Another seed is another piece of film; each frame has its own grain anyway": (
+        "Ein anderer Startwert ist ein anderes Stück Film; jedes Bild hat ohnehin sein eigenes Korn"
+    ),
+    "Sensor Noise": "Sensorrauschen",
+    "Count photons as an electronic sensor does, which is noisy where light is scarce": (
+        "Photonen zählen, wie ein elektronischer Sensor es tut, was rauscht, wo Licht knapp ist"
+    ),
+    "Full Well": "Sättigung",
+    (
+        "Electrons that white at ISO 100 gives a pixel: about 50000 with full frame, 5000 in a phone. The "
+        "ISO is that of Exposure"
+    ): (
+        "Elektronen, die Weiß bei ISO 100 einem Pixel gibt: etwa 50000 bei Kleinbild, 5000 im Telefon. Die "
+        "ISO-Zahl ist die der Belichtung"
+    ),
+    "Read Noise": "Auslesen",
+    "Electrons by which reading a pixel out deviates, which is what is left in the dark": (
+        "Elektronen, um die das Auslesen eines Pixels streut, was im Dunkeln übrig bleibt"
+    ),
+    "Another seed is another take; each frame has its own noise anyway": (
+        "Ein anderer Startwert ist eine andere Aufnahme; jedes Bild hat ohnehin sein eigenes Rauschen"
+    ),
     # The optical printer.
     "Uniform Defocus": "Gleichmäßige Unschärfe",
     (
@@ -854,9 +1155,29 @@ GERMAN: dict[str, str] = {
     "The shutter's curve is 0 all the time it is open; raise it.": (
         "Die Verschlusskurve ist 0, solange der Verschluss offen ist; sie anheben."
     ),
-    "Lommel's diffraction pattern is that of a round aperture; set the blades to 0 or choose the disc PSF.": (
-        "Lommels Beugungsmuster ist das einer runden Blende; die Lamellen auf 0 setzen oder „Geometrisch“ "
-        "wählen."
+    (
+        "Lommel's diffraction pattern is that of a round, clear and perfect aperture; set the blades to 0 "
+        "and leave out what shapes the aperture, or choose the disc PSF."
+    ): (
+        "Lommels Beugungsmuster ist das einer runden, freien und vollkommenen Blende; die Lamellen auf 0 "
+        "setzen und weglassen, was die Blende formt, oder „Geometrisch“ wählen."
+    ),
+    (
+        "Between the shapes that mechanical vignetting cuts nothing is interpolated; choose the nearest "
+        "table."
+    ): (
+        "Zwischen den Formen, die die mechanische Vignettierung schneidet, wird nicht interpoliert; die "
+        "nächste Tabelle wählen."
+    ),
+    (
+        "Tables at equal steps of depth are for a lens that is sharp at one depth all over; choose tables at "
+        "equal steps of the circle."
+    ): (
+        "Tabellen in gleichen Schritten der Tiefe sind für ein Objektiv, das überall in einer Tiefe scharf "
+        "ist; Tabellen in gleichen Schritten des Zerstreuungskreises wählen."
+    ),
+    "The barrel covers all of the aperture in the corners; lower its vignetting.": (
+        "Die Fassung verdeckt in den Ecken die ganze Blende; ihre Vignettierung verringern."
     ),
     (
         "The nearest and the farthest sample lie too many steps of tables apart; use a larger step between "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from .effects_properties import PotmesilEffects
 from .translations import OWN
 
 
@@ -264,6 +265,11 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
         description="Let Process also make the images Potmesil Error, how far each pixel is expected to be "
         "off, and Potmesil Guessed, how much of its light was guessed",
         default=False,
+    )
+    effects: bpy.props.PointerProperty(
+        name="Special Effects",
+        description="What a real lens, filters, film and sensor add to the picture",
+        type=PotmesilEffects,
     )
     samples_path: bpy.props.StringProperty(
         name="Samples",

@@ -1,4 +1,4 @@
-"""Presets of lens, film and iris, and of the shutter, in Blender's own menus."""
+"""Presets of lens, film and iris, of the shutter and of the special effects, in Blender's own menus."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from typing import Any
 import pytest
 
 bpy = pytest.importorskip("bpy")
+mathutils = pytest.importorskip("mathutils")
 
 ROOT = Path(__file__).resolve().parents[2] / "presets"
 SHIPPED = sorted(ROOT.rglob("*.py"))
 MENUS = {
     "potmesil_camera": "POTMESIL_PT_camera_presets",
     "potmesil_shutter": "POTMESIL_PT_shutter_presets",
+    "potmesil_lens": "POTMESIL_PT_lens_presets",
+    "potmesil_effects": "POTMESIL_PT_effects_presets",
 }
 
 
@@ -23,6 +26,7 @@ def values(path: Path, scene: Any) -> dict[str, Any]:
         "camera": scene.camera.data,
         "settings": scene.potmesil_camera,
         "render": scene.render,
+        "effects": scene.potmesil_camera.effects,
     }
     found = {}
     for line in path.read_text().splitlines():
@@ -33,7 +37,10 @@ def values(path: Path, scene: Any) -> dict[str, Any]:
             *parents, last = rest.split(".")
             for parent in parents:
                 holder = getattr(holder, parent)
-            found[name] = (eval(value, {}), getattr(holder, last))
+            is_now = getattr(holder, last)
+            if isinstance(is_now, mathutils.Color):
+                is_now = tuple(is_now)
+            found[name] = (eval(value, {}), is_now)
     return found
 
 
@@ -42,7 +49,7 @@ def places(folder: str) -> list[Path]:
     return [path for found in bpy.utils.preset_paths(folder) for path in Path(found).glob("*.py")]
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_preset_sets_all_that_it_says(path: Path, scene: Any) -> None:
     folder = path.parent.name
     (there,) = [place for place in places(folder) if place.name == path.name]
@@ -52,17 +59,50 @@ def test_preset_sets_all_that_it_says(path: Path, scene: Any) -> None:
 
 
 def test_presets_of_a_menu_set_the_same(scene: Any) -> None:
-    """So that nothing of the one chosen before is left."""
+    """So that nothing of the one chosen before is left; a real lens has a camera of its own, too."""
     for folder in MENUS:
         names = [set(values(path, scene)) for path in SHIPPED if path.parent.name == folder]
+        if folder == "potmesil_lens":
+            names = [{name for name in each if name.startswith("effects.")} for each in names]
         assert len(names) > 5
         assert all(each == names[0] for each in names)
 
 
-@pytest.mark.parametrize("kind", ["camera", "shutter"])
+def test_presets_of_effects_are_taken_by_the_core(scene: Any, module: Any) -> None:
+    """And each has some of them on, but Neutral and a real lens, whose camera says all that is known."""
+    scene_effects = module("operators.effects").scene_effects
+    make = module("potmesil_addon.effects").effects_from_json
+    for folder in ("potmesil_lens", "potmesil_effects"):
+        for path in (path for path in SHIPPED if path.parent.name == folder):
+            bpy.ops.script.execute_preset(filepath=str(path), menu_idname=MENUS[folder])
+            effects = scene_effects(scene)
+            make(effects)
+            on = any(value is not None for value in effects.values())
+            if not any(name.startswith("camera.") for name in values(path, scene)):
+                assert on == (path.stem != "Neutral"), path
+            neutral = path.with_name("Neutral.py")
+            bpy.ops.script.execute_preset(filepath=str(neutral), menu_idname=MENUS[folder])
+
+
+def test_a_preset_leaves_out_no_effect(scene: Any, module: Any) -> None:
+    kinds = module("potmesil_addon.effects").KINDS
+    said = {
+        name.split(".")[1]
+        for path in SHIPPED
+        if path.parent.name in ("potmesil_lens", "potmesil_effects")
+        for name in values(path, scene)
+        if name.startswith("effects.")
+    }
+    assert said == set(kinds)
+
+
+@pytest.mark.parametrize("kind", ["camera", "shutter", "lens", "effects"])
 def test_artist_adds_and_removes_a_preset(kind: str, scene: Any) -> None:
     scene.camera.data.dof.aperture_fstop = 1.25
     scene.potmesil_camera.slit_width = 0.375
+    effects = scene.potmesil_camera.effects
+    effects.pupil.obstruction, effects.pupil.image = 0.375, "//iris.png"
+    effects.star.use, effects.exposure.tint = True, (1.0, 0.5, 0.25)
     add = getattr(bpy.ops.potmesil, f"add_{kind}_preset")
     assert add(name="Mine") == {"FINISHED"}
     folder = f"potmesil_{kind}"

@@ -36,8 +36,68 @@ OTHERS: dict[str, Any] = {
 }
 """A value for each setting that is not its default."""
 
-NOT_HERE = {"samples_path", "stage_of"}
-"""A path, which Blender does not animate, and a pointer of our own."""
+NOT_HERE = {"samples_path", "stage_of", "effects"}
+"""A path, which Blender does not animate, a pointer of our own, and groups, which are looked at below."""
+
+OTHER_EFFECTS: dict[str, Any] = {
+    "pupil.use": True,
+    "pupil.blade_curvature": 0.25,
+    "pupil.obstruction": 0.5,
+    "pupil.apodisation": 1.5,
+    "pupil.spherical_aberration": -2.5,
+    "focal_surface.use": True,
+    "focal_surface.tilt": 0.125,
+    "focal_surface.swing": -0.125,
+    "focal_surface.curvature": 6.5,
+    "chromatic.use": True,
+    "chromatic.focus_red": 0.25,
+    "chromatic.focus_blue": -0.25,
+    "chromatic.size_red": 0.0078125,
+    "chromatic.size_blue": -0.0078125,
+    "vignetting.use": True,
+    "vignetting.natural": 0.5,
+    "vignetting.mechanical": 0.25,
+    "vignetting.fastest_f_stop": 2.0,
+    "distortion.use": True,
+    "distortion.model": "nuke",
+    "distortion.k1": -0.125,
+    "distortion.k2": 0.25,
+    "distortion.k3": 0.5,
+    "distortion.k4": 0.75,
+    "distortion.p1": 0.0625,
+    "distortion.p2": -0.0625,
+    "diffraction.use": True,
+    "diffraction.strength": 0.5,
+    "diffraction.f_stop": 22.0,
+    "diffraction.spectral": False,
+    "star.use": True,
+    "star.lines": 4,
+    "star.rotation": 0.5,
+    "star.strength": 0.25,
+    "star.groove_width": 40.0,
+    "image_filter.use": True,
+    "image_filter.strength": 0.5,
+    "image_filter.size": 0.5,
+    "image_filter.rotation": -0.5,
+    "exposure.use": True,
+    "exposure.sensitivity": 400.0,
+    "exposure.normal_ev": 12.5,
+    "exposure.density": 2.0,
+    "exposure.tint": (1.0, 0.5, 0.25),
+    "grain.use": True,
+    "grain.granularity": 20.0,
+    "grain.size": 16.0,
+    "grain.color": 1.0,
+    "grain.seed": 7,
+    "noise.use": True,
+    "noise.full_well": 5000.0,
+    "noise.read_noise": 2.5,
+    "noise.seed": 8,
+}
+"""A value for each setting of the effects that is not its default."""
+
+PICTURES = ("pupil.image", "image_filter.image")
+"""Paths of the effects, which Blender does not animate."""
 
 
 def values(scene: Any) -> dict[str, Any]:
@@ -45,11 +105,35 @@ def values(scene: Any) -> dict[str, Any]:
     return {name: getattr(scene.potmesil_camera, name) for name in OTHERS}
 
 
+def plain(value: Any) -> Any:
+    """Return a setting's value as it is now, whatever becomes of the setting."""
+    return value if isinstance(value, bool | int | float | str) else tuple(value)
+
+
+def effect_values(scene: Any) -> dict[str, Any]:
+    """Return the settings of a scene's effects."""
+    own = scene.potmesil_camera.effects
+    return {name: plain(own.path_resolve(name)) for name in OTHER_EFFECTS}
+
+
+def group_of(scene: Any, name: str) -> tuple[Any, str]:
+    """Return what holds a setting of an effect, and what it is called there."""
+    effect, field = name.split(".")
+    return getattr(scene.potmesil_camera.effects, effect), field
+
+
 def change_all(scene: Any) -> None:
     """Give every setting another value."""
     for name, value in OTHERS.items():
         assert getattr(scene.potmesil_camera, name) != value
         setattr(scene.potmesil_camera, name, value)
+    for name, value in OTHER_EFFECTS.items():
+        group, field = group_of(scene, name)
+        assert plain(getattr(group, field)) != value
+        setattr(group, field, value)
+    for name in PICTURES:
+        group, field = group_of(scene, name)
+        setattr(group, field, "//elsewhere.png")
     scene.potmesil_camera.samples_path = "//elsewhere/####.exr"
 
 
@@ -57,6 +141,14 @@ def test_every_setting_is_looked_at_here(scene: Any) -> None:
     names = {p.identifier for p in scene.potmesil_camera.bl_rna.properties}
     view_options = {p.identifier for p in scene.potmesil_camera.bl_rna.properties if not p.is_animatable}
     assert names - {"rna_type", "name"} - NOT_HERE - view_options == set(OTHERS)
+    effects = {
+        f"{effect.identifier}.{item.identifier}"
+        for effect in scene.potmesil_camera.effects.bl_rna.properties
+        if effect.type == "POINTER" and effect.identifier != "rna_type"
+        for item in effect.fixed_type.properties
+        if item.type != "POINTER" and item.identifier != "name"
+    }
+    assert effects == {*OTHER_EFFECTS, *PICTURES}
 
 
 @pytest.mark.parametrize("name", sorted(OTHERS))
@@ -72,6 +164,19 @@ def test_every_setting_can_be_keyed(scene: Any, name: str) -> None:
     assert getattr(own, name) == OTHERS[name]
 
 
+@pytest.mark.parametrize("name", sorted(OTHER_EFFECTS))
+def test_every_setting_of_an_effect_can_be_keyed(scene: Any, name: str) -> None:
+    group, field = group_of(scene, name)
+    before = plain(getattr(group, field))
+    assert group.keyframe_insert(field, frame=1)
+    setattr(group, field, OTHER_EFFECTS[name])
+    assert group.keyframe_insert(field, frame=2)
+    scene.frame_set(1)
+    assert plain(getattr(group, field)) == before
+    scene.frame_set(2)
+    assert plain(getattr(group, field)) == OTHER_EFFECTS[name]
+
+
 def test_settings_survive_save_and_load(scene: Any, tmp_path: Path) -> None:
     change_all(scene)
     blend = str(tmp_path / "saved.blend")
@@ -80,6 +185,8 @@ def test_settings_survive_save_and_load(scene: Any, tmp_path: Path) -> None:
     bpy.ops.wm.open_mainfile(filepath=blend)
     loaded = bpy.context.scene
     assert values(loaded) == OTHERS
+    assert effect_values(loaded) == OTHER_EFFECTS
+    assert all(loaded.potmesil_camera.effects.path_resolve(name) == "//elsewhere.png" for name in PICTURES)
     assert loaded.potmesil_camera.samples_path == "//elsewhere/####.exr"
 
 
@@ -94,6 +201,7 @@ def test_settings_come_along_with_an_appended_or_linked_scene(scene: Any, tmp_pa
         wanted.scenes = ["Shot"]
     (shot,) = wanted.scenes
     assert values(shot) == OTHERS
+    assert effect_values(shot) == OTHER_EFFECTS
 
 
 @pytest.mark.parametrize("kind", ["EMPTY", "LINK_COPY", "FULL_COPY"])
@@ -103,20 +211,25 @@ def test_settings_are_copied_with_the_scene(scene: Any, kind: str) -> None:
         bpy.ops.scene.new(type=kind)
     copy = next(item for item in bpy.data.scenes if item != scene)
     assert values(copy) == OTHERS
+    assert effect_values(copy) == OTHER_EFFECTS
     copy.potmesil_camera.fade = 1.0
+    copy.potmesil_camera.effects.star.lines = 1
     assert scene.potmesil_camera.fade == 0.25
+    assert scene.potmesil_camera.effects.star.lines == 4
 
 
 def test_settings_are_undone(scene: Any) -> None:
     bpy.context.preferences.edit.use_global_undo = True
-    before = values(scene)
+    before, effects_before = values(scene), effect_values(scene)
     bpy.ops.ed.undo_push(message="before")
     change_all(scene)
     bpy.ops.ed.undo_push(message="after")
     bpy.ops.ed.undo()
     assert values(bpy.context.scene) == before
+    assert effect_values(bpy.context.scene) == effects_before
     bpy.ops.ed.redo()
     assert values(bpy.context.scene) == OTHERS
+    assert effect_values(bpy.context.scene) == OTHER_EFFECTS
 
 
 def camera_at(scene: Any, name: str, distance: float, f_stop: float) -> Any:

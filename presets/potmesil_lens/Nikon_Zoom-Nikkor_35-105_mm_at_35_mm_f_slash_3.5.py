@@ -1,0 +1,40 @@
+import bpy
+
+camera = getattr(bpy.context, "camera", None) or bpy.context.scene.camera.data
+effects = bpy.context.scene.potmesil_camera.effects
+
+camera.lens = 35.0
+camera.sensor_fit = "HORIZONTAL"
+camera.sensor_width = 36.0
+camera.sensor_height = 24.0
+camera.dof.aperture_fstop = 3.5
+camera.dof.aperture_blades = 7
+camera.dof.aperture_rotation = 0.0
+camera.dof.aperture_ratio = 1.0
+effects.pupil.use = False
+effects.pupil.blade_curvature = 0.0
+effects.pupil.obstruction = 0.0
+effects.pupil.apodisation = 0.0
+effects.pupil.spherical_aberration = 0.0
+effects.pupil.image = ""
+effects.focal_surface.use = False
+effects.focal_surface.tilt = 0.0
+effects.focal_surface.swing = 0.0
+effects.focal_surface.curvature = 0.0
+effects.chromatic.use = False
+effects.chromatic.focus_red = 0.0
+effects.chromatic.focus_blue = 0.0
+effects.chromatic.size_red = 0.0
+effects.chromatic.size_blue = 0.0
+effects.vignetting.use = False
+effects.vignetting.natural = 1.0
+effects.vignetting.mechanical = 0.0
+effects.vignetting.fastest_f_stop = 0.0
+effects.distortion.use = True
+effects.distortion.model = "brown"
+effects.distortion.k1 = -0.1096
+effects.distortion.k2 = 0.0
+effects.distortion.k3 = 0.0
+effects.distortion.k4 = 0.0
+effects.distortion.p1 = 0.0
+effects.distortion.p2 = 0.0
