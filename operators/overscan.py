@@ -5,8 +5,11 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from ..potmesil_addon.effects import Effects, effects_from_json
 from ..potmesil_addon.lens import circle_of_confusion
+from . import kernels
 from .borrow import Borrowed
+from .effects import scene_effects
 from .motion import LARGEST_MARGIN, SampledMotion
 from .scene import frame_format
 
@@ -14,12 +17,13 @@ from .scene import frame_format
 def uses_overscan(scene: bpy.types.Scene) -> bool:
     """Return whether the scene asks for what lies beyond the picture's border, and has no other border."""
     own = scene.potmesil_camera
-    asked = own.use_overscan and (own.use_motion or own.use_lens)
-    return bool(asked and not scene.render.use_border)
+    if not own.use_overscan or scene.render.use_border:
+        return False
+    return bool(own.use_motion or own.use_lens or _bends(_effects(scene)))
 
 
 def overscan_margins(scene: bpy.types.Scene, motion: SampledMotion) -> tuple[int, int]:
-    """Return how wide the margin must be for the exposure and for the lens as they are set.
+    """Return how wide the margin must be for the exposure, for the lens and for what it bends.
 
     Parameters
     ----------
@@ -41,6 +45,9 @@ def overscan_margins(scene: bpy.types.Scene, motion: SampledMotion) -> tuple[int
     if own.use_lens:
         # What moves into the picture from outside brings its circle along.
         needed += lens_margins(motion, own.coc_model)
+    effects = _effects(scene)
+    if _bends(effects):
+        needed += distortion_margins(motion, effects)
     columns, rows = np.minimum(needed, LARGEST_MARGIN * np.array([film.columns, film.rows])).astype(int)
     return int(columns), int(rows)
 
@@ -81,6 +88,54 @@ def lens_margins(motion: SampledMotion, coc_model: str) -> tuple[int, int]:
         if (needed >= margins).all() or not needed.any():
             return int(needed[0]), int(needed[1])
         margins = needed
+
+
+def distortion_margins(motion: SampledMotion, effects: Effects) -> tuple[int, int]:
+    """Return how far over the border a lens sees that distorts, or images colours at other sizes.
+
+    Parameters
+    ----------
+    motion : SampledMotion
+        The camera.
+    effects : Effects
+        What its lens does.
+
+    Returns
+    -------
+    tuple of int
+        Columns and rows; 0 where it sees less than a pinhole.
+    """
+    kernels.use_user_cache()
+    from ..potmesil_addon.distortion import lens_map, window_needed  # noqa: PLC0415 - see kernels
+    from ..potmesil_addon.samples import Window  # noqa: PLC0415
+
+    camera = motion.camera
+    columns, rows = camera.film.columns, camera.film.rows
+    frame = Window(0, 0, columns, rows)
+    lens = lens_map(
+        effects.distortion,
+        effects.chromatic,
+        camera.focal_length,
+        camera.film,
+        (camera.axis_x, camera.axis_y),
+        frame,
+    )
+    if lens is None:
+        return 0, 0
+    needed = window_needed(lens, frame)
+    return max(0, -needed.x0, needed.x1 - columns), max(0, -needed.y0, needed.y1 - rows)
+
+
+def _effects(scene: bpy.types.Scene) -> Effects:
+    return effects_from_json(scene_effects(scene))
+
+
+def _bends(effects: Effects) -> bool:
+    """Return whether straight lines are bent, or colours imaged at other sizes."""
+    chromatic = effects.chromatic
+    return effects.distortion is not None or bool(
+        chromatic is not None and (chromatic.size_red or chromatic.size_blue)
+    )
 
 
 def borrow_overscan(borrowed: Borrowed, scene: bpy.types.Scene, margins: tuple[int, int]) -> None:

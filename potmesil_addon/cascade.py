@@ -99,7 +99,9 @@ def cascade(motion: Motion, layer: SampleLayer, focus: FocusSettings) -> Generat
         # What is not seen during a part may well be during another.
         filler, _ = expose_part(motion, instants_for(0.0), (0.0, 1.0))
     lights = _lights(motion, layer)
-    rows, columns = samples.display_window.rows, samples.display_window.columns
+    bend = None if focus.character is None else focus.character.bend
+    window = samples.display_window if bend is None else bend.picture
+    rows, columns = window.rows, window.columns
     picture = np.zeros((rows, columns, 4), dtype=np.float32)
     guessed, doubt = np.zeros((2, rows, columns), dtype=np.float32)
     report, taken = None, 0
@@ -107,6 +109,8 @@ def cascade(motion: Motion, layer: SampleLayer, focus: FocusSettings) -> Generat
         share = part[1] - part[0]
         count = max(1, math.ceil(round(instants * share, 6)))
         then, filled = _seen_during(motion, layer, part, count, filler, lights)
+        if bend is not None:
+            filled = bend.values(filled, samples.display_window)
         # The blades of a between-the-lens shutter stop the lens down while they open and close.
         lens = replace(focus.lens, f_stop=focus.lens.f_stop / motion.opening(0.5 * (part[0] + part[1])))
         turn = n if len(parts) >= _PARTS else None

@@ -6,7 +6,7 @@ Everything is told by a place on the film: metres from the optical axis, x right
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,14 +14,80 @@ from scipy import ndimage
 
 from .aperture import IntArray, SamplePosition
 from .camera import Film
+from .distortion import LensMap, distorted_layer, distorted_picture, window_needed
+from .distortion import lens_map as lens_map_of
 from .effects import ChromaticAberration, Effects, FocalSurface, Pupil, Vignetting
 from .lens import FloatArray, Lens
 from .pupil import PupilShape, barrel_at, clear_share, field_cells
-from .samples import Float32Array, Samples, Window
+from .samples import Float32Array, SampleLayer, Samples, Window
 
 _RADII: Final = 33
 _DIRECTIONS: Final = 24
 """Places of the field at which the barrel's vignetting is worked out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bend:
+    """Takes what a pinhole sees to where the lens puts it.
+
+    Parameters
+    ----------
+    lens_map : LensMap
+        Distortion and lateral chromatic aberration.
+    picture : Window
+        The pixels of the finished picture.
+    """
+
+    lens_map: LensMap
+    picture: Window
+
+    @property
+    def needed(self) -> Window:
+        """The pixels of a pinhole's picture that the finished one shows."""
+        return window_needed(self.lens_map, self.picture)
+
+    def values(self, values: Float32Array, window: Window) -> Float32Array:
+        """Return the finished picture of values that a pinhole sees on a window."""
+        if values.ndim == 2:
+            return distorted_picture(values[..., np.newaxis], window, self.picture, self.lens_map)[..., 0]
+        return distorted_picture(values, window, self.picture, self.lens_map)
+
+    def layer(self, layer: SampleLayer, samples: Samples, reach: int) -> tuple[SampleLayer, Samples]:
+        """Return samples where the lens puts them, on the picture and as much around it as reaches in.
+
+        Parameters
+        ----------
+        layer : SampleLayer
+            What a pinhole sees.
+        samples : Samples
+            The file that it belongs to.
+        reach : int
+            Pixels from which something blurs into the picture.
+
+        Returns
+        -------
+        layer : SampleLayer
+            On the new data window.
+        samples : Samples
+            With the picture's windows; its own layers are not to be used.
+        """
+        picture, extra = self.picture, 1 if samples.position == "corner" else 0
+        data = samples.data_window
+        covered = Window(data.x0, data.y0, data.x1 - extra, data.y1 - extra)
+        while reach > 0 and not _within(window_needed(self.lens_map, _around(picture, reach)), covered):
+            reach //= 2
+        around = _around(picture, reach)
+        target = Window(around.x0, around.y0, around.x1 + extra, around.y1 + extra)
+        bent = distorted_layer(layer, data, target, self.lens_map, samples.position)
+        return bent, replace(samples, data_window=target, display_window=picture)
+
+
+def _around(window: Window, margin: int) -> Window:
+    return Window(window.x0 - margin, window.y0 - margin, window.x1 + margin, window.y1 + margin)
+
+
+def _within(inner: Window, outer: Window) -> bool:
+    return inner.intersection(outer) == inner
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +108,8 @@ class LensCharacter:
         Where red and blue are.
     vignetting : Vignetting or None
         The barrel before the aperture.
+    bend : Bend or None
+        Where the lens puts what a pinhole sees elsewhere.
     """
 
     axis: tuple[float, float]
@@ -50,6 +118,7 @@ class LensCharacter:
     focal_surface: FocalSurface | None = None
     chromatic: ChromaticAberration | None = None
     vignetting: Vignetting | None = None
+    bend: Bend | None = None
 
     def shape(self, lens: Lens, film: Film) -> PupilShape | None:
         """Return what makes tables, None where blades, rotation and squeeze say all."""
@@ -170,7 +239,7 @@ def axis_of(samples: Samples) -> tuple[float, float]:
 
 
 def character_of(
-    effects: Effects, film: Film, axis: tuple[float, float], picture: Window
+    effects: Effects, focal_length: float, film: Film, axis: tuple[float, float], picture: Window
 ) -> LensCharacter | None:
     """Return a lens's character, None where it has none.
 
@@ -178,6 +247,8 @@ def character_of(
     ----------
     effects : Effects
         What is on.
+    focal_length : float
+        In metres.
     film : Film
         The picture's pixels on the film.
     axis : tuple of float
@@ -192,8 +263,10 @@ def character_of(
     """
     pupil = None if effects.pupil == Pupil() else effects.pupil
     said = pupil, effects.focal_surface, effects.chromatic, effects.vignetting
-    if said == (None,) * 4:
+    lens_map = lens_map_of(effects.distortion, effects.chromatic, focal_length, film, axis, picture)
+    if said == (None,) * 4 and lens_map is None:
         return None
     across = max(abs(picture.x0 - axis[0]), abs(picture.x1 - axis[0])) * film.pitch_x
     down = max(abs(picture.y0 - axis[1]), abs(picture.y1 - axis[1])) * film.pitch_y
-    return LensCharacter(axis, math.hypot(across, down), *said)
+    bend = None if lens_map is None else Bend(lens_map, picture)
+    return LensCharacter(axis, math.hypot(across, down), *said, bend)

@@ -102,7 +102,7 @@ class Vignetting(_Effect):
 
     natural: float = _number(1.0, 0.0, 1.0, about="share of the fall with the fourth power of the cosine")
     mechanical: float = _number(
-        0.0, 0.0, 1.0, about="shift in the corners of the barrel before the aperture, in diameters"
+        0.0, 0.0, 1.0, about="how far apart the barrel's two ends are seen from the corners, in diameters"
     )
     fastest_f_stop: float = _number(
         0.0, 0.0, 128.0, about="f-stop at which the barrel is as wide as the aperture; 0 is the present one"

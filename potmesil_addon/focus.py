@@ -187,6 +187,12 @@ def focus_layer(
             f"Layer '{layer.name}' has no depth (Z) channel, which a lens needs; "
             "enable the Z pass or switch the lens off."
         )
+    bend = None if settings.character is None else settings.character.bend
+    if bend is not None:
+        circles = circle_of_confusion(layer.depth, settings.lens, settings.model) / settings.film.pitch_x
+        reach = math.ceil(min(0.5 * float(np.abs(circles).max()), _MOST_BEYOND))
+        layer, samples = bend.layer(layer, samples, reach)
+    assert layer.depth is not None
     data, seen = samples.data_window, _seen_window(samples)
     shape = None if settings.character is None else settings.character.shape(settings.lens, settings.film)
     builder = PsfBuilder(settings.lens, settings.film, settings.model, settings.psf, samples.position, shape)

@@ -13,7 +13,9 @@ import numpy as np
 from . import jit
 from .camera import Film
 from .cascade import cascade
-from .effects import Effects
+from .character import Bend, LensCharacter, axis_of, character_of
+from .develop import Development, develop, is_developed
+from .effects import KINDS, Effects
 from .errors import SettingsError
 from .focus import FocusReport, FocusSettings, Weighting, average_down, focus_layer, over
 from .lens import CocModel, Lens
@@ -46,7 +48,10 @@ _RESAMPLING: Final = 0.05
 """Error of a sharp pixel over the variation around it, from the different ways to filter it."""
 
 _CAMERA_SHARE: Final = 0.8
-"""Share of the progress of what comes before a uniform defocus."""
+"""Share of the progress of what comes before the picture is developed and printed."""
+
+_NEED_NO_LENS: Final = ("image_filter", "grain", "noise")
+"""Effects for which a lens need not be known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,10 +187,16 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
     focus = focus_settings(samples, settings) if settings.use_lens else None
     motion = motion_settings(samples, settings) if settings.use_motion else None
     printed = _film(samples, settings) if settings.uniform_defocus > 0.0 else None
-    layers = sorted(samples.layers, key=_middle_depth) if len(samples.layers) > 1 else samples.layers
-    share = (1.0 if printed is None else _CAMERA_SHARE) / len(layers)
+    character = _character(samples, settings)
+    bend = None if character is None else character.bend
+    # A lens that bends the picture shows more or less than the pinhole did.
+    taken = samples if bend is None else samples.showing(bend.needed)
+    layers = sorted(taken.layers, key=_middle_depth) if len(taken.layers) > 1 else taken.layers
+    developed = is_developed(settings.effects)
+    camera_share = 1.0 if printed is None and not developed else _CAMERA_SHARE
+    share = camera_share / len(layers)
     for number, layer in enumerate(layers):
-        steps = _process_parts(layer, samples, focus, motion, settings)
+        steps = _process_parts(layer, taken, focus, motion, settings, bend)
         done.append((yield from scaled(steps, number * share, share)))
     picture, guessed, doubt = done[0].picture, done[0].guessed, done[0].doubt
     for behind in done[1:]:
@@ -201,10 +212,16 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
         picture = filter_down(picture, factor, pixel_filter)
     guessed = average_down(guessed[..., np.newaxis], factor)[..., 0]
     doubt = average_down(doubt[..., np.newaxis], factor)[..., 0]
+    rest = 1.0 - camera_share
+    if developed:
+        work = _development(samples, settings, picture.shape[0], picture.shape[1])
+        part = rest if printed is None else 0.5 * rest
+        picture, doubt = yield from scaled(develop(picture, doubt, work), camera_share, part)
     if printed is not None:
         pixels = replace(printed, columns=picture.shape[1], rows=picture.shape[0])
         steps_of_printer = _printed(picture, guessed, pixels, samples, settings)
-        picture, guessed = yield from scaled(steps_of_printer, _CAMERA_SHARE, 1.0 - _CAMERA_SHARE)
+        part = 0.5 * rest if developed else rest
+        picture, guessed = yield from scaled(steps_of_printer, 1.0 - part, part)
     if settings.fade != 1.0:
         picture = fade(picture, settings.fade)
         doubt = doubt * np.float32(settings.fade)
@@ -223,6 +240,7 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
         "focus": [asdict(layer.focus) for layer in done if layer.focus is not None],
         "shutter": None if motion is None else asdict(motion.shutter),
         "motion": [asdict(layer.motion) for layer in done if layer.motion is not None],
+        "effects": {name: said for name, said in asdict(settings.effects).items() if said is not None},
         "uniform_defocus_mm": settings.uniform_defocus * 1000.0,
         "fade": settings.fade,
         "quality": {
@@ -256,8 +274,10 @@ def _process_parts(
     focus: FocusSettings | None,
     motion: MotionSettings | None,
     settings: ProcessSettings,
+    bend: Bend | None,
 ) -> Generator[float, None, _Layer]:
     """Run the processors on one layer, and on what its mirrors and glass show by itself."""
+    picture_window = samples.display_window if bend is None else bend.picture
     blurs = focus is not None or motion is not None
     parts = take_apart(layer) if settings.reflections and blurs else None
     # A mirror's picture of what moves is no shadow.
@@ -265,12 +285,12 @@ def _process_parts(
     if motion is not None and settings.shadows:
         lit = moved_shadows(lit, samples, motion, settings.backend)
     if parts is None:
-        return (yield from _process_layer(lit, samples, focus, motion))
+        return (yield from _process_layer(lit, samples, focus, motion, bend))
     share = 1.0 / (1 + len(parts.shares) + len(parts.contents))
-    surfaces = yield from scaled(_process_layer(lit, samples, focus, motion), 0.0, share)
+    surfaces = yield from scaled(_process_layer(lit, samples, focus, motion, bend), 0.0, share)
     done, shares, contents = share, [], []
     for layer_of_shares in parts.shares:
-        steps = _process_layer(layer_of_shares, samples, focus, motion)
+        steps = _process_layer(layer_of_shares, samples, focus, motion, bend)
         shares.append((yield from scaled(steps, done, share)).picture)
         done += share
     for content in parts.contents:
@@ -284,18 +304,24 @@ def _process_parts(
         alone = replace(samples, paths=None, data_window=window, display_window=display)
         still = content.layer.vector is None
         seen = content.layer if focus is None else spread_out(content.layer, focus)
-        steps = _process_layer(seen, alone, focus, None if still else motion)
+        steps = _process_layer(seen, alone, focus, None if still else motion, bend)
         shown = yield from scaled(steps, done - share, share)
-        contents.append((shown.picture, *display.within(samples.display_window)))
+        # A lens that bends puts it somewhere on the whole picture.
+        place = display if bend is None else picture_window
+        contents.append((shown.picture, *place.within(picture_window)))
     picture = surfaces.picture.copy()
     picture[..., :3] += put_together(shares, contents)
     return replace(surfaces, picture=picture)
 
 
 def _process_layer(
-    layer: SampleLayer, samples: Samples, focus: FocusSettings | None, motion: MotionSettings | None
+    layer: SampleLayer,
+    samples: Samples,
+    focus: FocusSettings | None,
+    motion: MotionSettings | None,
+    bend: Bend | None,
 ) -> Generator[float, None, _Layer]:
-    """Run the processors that are wanted on one layer."""
+    """Run the processors that are wanted on one layer; the picture is on the bent one's window."""
     moving = None if motion is None else prepare(layer, samples, motion)
     if moving is not None and focus is not None:
         cascaded = yield from cascade(moving, layer, focus)
@@ -305,12 +331,18 @@ def _process_layer(
         return _Layer(picture, guessed, cascaded.doubt + of_guesses, cascaded.focus, report)
     if moving is not None and motion is not None:
         picture, guessed, report = yield from expose_layer(moving, layer)
+        if bend is not None:
+            window = samples.display_window
+            picture, guessed = bend.values(picture, window), bend.values(guessed, window)
         doubt = _doubt_of_guesses(picture, guessed, compiled=uses_numba(motion.backend))
         return _Layer(picture, guessed, doubt, motion=report)
     motion_report = None if motion is None else MotionReport(layer.name)
-    nothing = np.zeros((samples.display_window.rows, samples.display_window.columns), dtype=np.float32)
     if focus is None:
-        return _Layer(on_display(samples, layer.color), nothing, nothing, motion=motion_report)
+        picture = on_display(samples, layer.color)
+        if bend is not None:
+            picture = bend.values(picture, samples.display_window)
+        nothing = np.zeros(picture.shape[:2], dtype=np.float32)
+        return _Layer(picture, nothing, nothing, motion=motion_report)
     focused = yield from focus_layer(layer, samples, focus)
     of_guesses = _doubt_of_guesses(focused.picture, focused.guessed, compiled=uses_numba(focus.backend))
     doubt = focused.doubt + _OTHER_SURFACE * of_guesses
@@ -377,8 +409,48 @@ def focus_settings(samples: Samples, settings: ProcessSettings) -> FocusSettings
         focus_distance=_known(wanted.focus_distance, stored.focus_distance, "focus distance"),
     )
     return FocusSettings(
-        lens, film, settings.model, settings.psf, settings.weighting, settings.visibility, settings.backend
+        lens,
+        film,
+        settings.model,
+        settings.psf,
+        settings.weighting,
+        settings.visibility,
+        settings.backend,
+        _character(samples, settings),
     )
+
+
+def _character(samples: Samples, settings: ProcessSettings) -> LensCharacter | None:
+    """Return the lens's character on the samples' own pixels."""
+    effects = settings.effects
+    of_lens = effects.pupil, effects.focal_surface, effects.chromatic, effects.vignetting, effects.distortion
+    if of_lens == (None,) * 5:
+        return None
+    focal_length = _known(settings.lens.focal_length, samples.lens.focal_length, "focal length")
+    film = _film(samples, settings)
+    return character_of(effects, focal_length, film, axis_of(samples), samples.display_window)
+
+
+def _development(samples: Samples, settings: ProcessSettings, rows: int, columns: int) -> Development:
+    """Return what is to be done to the finished picture, which may have fewer pixels than samples."""
+    effects = settings.effects
+    film = replace(_film(samples, settings), columns=columns, rows=rows)
+    lens, window = _aperture(samples, settings), Window(0, 0, columns, rows)
+    if any(getattr(effects, name) is not None for name in KINDS if name not in _NEED_NO_LENS):
+        wanted, stored = settings.lens, samples.lens
+        lens = replace(
+            lens,
+            focal_length=_known(wanted.focal_length, stored.focal_length, "focal length"),
+            f_stop=_known(wanted.f_stop, stored.f_stop, "f-stop", option="--fstop"),
+        )
+    display, axis = samples.display_window, axis_of(samples)
+    axis = (axis[0] - display.x0) / samples.supersampling, (axis[1] - display.y0) / samples.supersampling
+    character = character_of(effects, lens.focal_length, film, axis, window)
+    shutter = settings.shutter.over(samples.shutter)
+    seconds = shutter.exposure_time
+    if shutter.frames is not None and shutter.frames_per_second is not None:
+        seconds = shutter.frames / shutter.frames_per_second
+    return Development(effects, lens, film, window, character, seconds, settings.frame)
 
 
 def motion_settings(samples: Samples, settings: ProcessSettings) -> MotionSettings | None:

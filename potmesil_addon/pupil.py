@@ -59,7 +59,15 @@ _COARSE: Final = 24.0
 
 
 class Barrel(NamedTuple):
-    """The disc through which a barrel before the aperture lets light come, in pupil coordinates."""
+    """The two ends of a lens's barrel, as seen through its pupil.
+
+    Parameters
+    ----------
+    x, y : float
+        Where the far end's rim lies in pupil coordinates; the near end's is opposite.
+    radius : float
+        Of both.
+    """
 
     x: float
     y: float
@@ -131,7 +139,7 @@ def transmission(lens: Lens, pupil: Pupil | None, size: int, barrel: Barrel | No
     if pupil.image:
         clear = _picture(pupil.image, size)
         if barrel is not None:
-            clear = clear * _covered([(_disc(barrel), 1.0)], size)
+            clear = clear * _covered([(_opening(barrel), 1.0)], size)
     else:
         clear = _covered(_shapes(lens, pupil, barrel), size)
     if pupil.apodisation > 0.0:
@@ -265,11 +273,10 @@ class PupilShape:
 
 
 def barrel_at(lens: Lens, vignetting: Vignetting, x: float, y: float) -> Barrel:
-    """Return the disc that the barrel leaves of the pupil for a place of the field.
+    """Return the ends of the barrel as a place of the field sees them.
 
-    The barrel's rim stands before the aperture. Seen from the right it lies farther right than the
-    aperture, so that it cuts off the pupil's right side. Stopping down makes the aperture smaller
-    and leaves the barrel.
+    From the side the two rims, one before the aperture and one behind it, lie apart; light that passes both
+    and the aperture has the form of a cat's eye. Stopping down makes the aperture smaller and leaves them.
 
     Parameters
     ----------
@@ -287,7 +294,7 @@ def barrel_at(lens: Lens, vignetting: Vignetting, x: float, y: float) -> Barrel:
     """
     fastest = vignetting.fastest_f_stop
     stopped = max(lens.f_stop / fastest, 1.0) if fastest > 0.0 else 1.0
-    shift = -2.0 * vignetting.mechanical * stopped
+    shift = vignetting.mechanical * stopped
     return Barrel(shift * x, shift * y, stopped)
 
 
@@ -364,15 +371,15 @@ def _shapes(lens: Lens, pupil: Pupil, barrel: Barrel | None) -> list[tuple[Float
     if pupil.obstruction > 0.0:
         shapes.append((pupil.obstruction * _circle(), -1.0))
     if barrel is not None:
-        shapes = [(clipped(shape, barrel), weight) for shape, weight in shapes]
+        shapes = [(_through(barrel, shape), weight) for shape, weight in shapes]
         shapes = [(shape, weight) for shape, weight in shapes if len(shape) > 2 and _area(shape) > 1e-6]
     if not shapes:
         raise SettingsError("The barrel covers all of the aperture in the corners; lower its vignetting.")
     return shapes
 
 
-def clipped(polygon: FloatArray, barrel: Barrel) -> FloatArray:
-    """Return the part of a convex polygon within a barrel's disc.
+def clipped(polygon: FloatArray, middle: FloatArray, disc: FloatArray) -> FloatArray:
+    """Return the part of a convex polygon within a disc.
 
     Its corners are the polygon's within the disc, the disc's within the polygon, and where edges cross the
     rim; about a point inside of a convex shape their order is that of their angles.
@@ -381,16 +388,16 @@ def clipped(polygon: FloatArray, barrel: Barrel) -> FloatArray:
     ----------
     polygon : ndarray of float64 of shape (n, 2)
         Corners, counter-clockwise.
-    barrel : Barrel
-        The disc.
+    middle : ndarray of float64 of shape (2,)
+        The disc's.
+    disc : ndarray of float64 of shape (k, 2)
+        Corners of a polygon for its rim, counter-clockwise.
 
     Returns
     -------
     ndarray of float64 of shape (m, 2)
         Corners, counter-clockwise; fewer than three where nothing is left.
     """
-    middle = np.array([barrel.x, barrel.y])
-    disc = _disc(barrel)
     radius = float(np.hypot(*(disc[0] - middle)))
     start, along = polygon - middle, np.roll(polygon, -1, axis=0) - polygon
     # |start + t along| = radius
@@ -416,8 +423,18 @@ def _circle() -> FloatArray:
     return outline(Lens(1.0, 1.0, 1.0))
 
 
-def _disc(barrel: Barrel) -> FloatArray:
-    return np.asarray(barrel.radius * _circle() + [barrel.x, barrel.y])
+def _through(barrel: Barrel, shape: FloatArray) -> FloatArray:
+    """Return the part of a convex polygon that passes both ends of a barrel."""
+    for sign in (1.0, -1.0):
+        middle = sign * np.array([barrel.x, barrel.y])
+        if len(shape) > 0:
+            shape = clipped(shape, middle, barrel.radius * _circle() + middle)
+    return shape
+
+
+def _opening(barrel: Barrel) -> FloatArray:
+    """Return all that passes both ends of a barrel."""
+    return _through(barrel, (barrel.radius + math.hypot(barrel.x, barrel.y)) * _circle())
 
 
 def _area(polygon: FloatArray) -> float:

@@ -480,10 +480,10 @@ GERMAN: dict[str, str] = {
     ),
     "Cat's Eye": "Katzenauge",
     (
-        "How far the barrel's openings are shifted against the aperture in the corners, in diameters of "
-        "the aperture"
+        "How far apart the two ends of the lens's barrel are seen from the corners, in diameters of the "
+        "aperture"
     ): (
-        "Wie weit die Öffnungen der Fassung in den Ecken gegen die Blende verschoben sind, in Durchmessern "
+        "Wie weit die beiden Enden der Fassung von den Ecken aus gesehen auseinander liegen, in Durchmessern "
         "der Blende"
     ),
     "Fastest F-Stop": "Größte Öffnung",

@@ -215,3 +215,68 @@ def test_what_is_outside_blurs_in(scene: Any, module: Any, tmp_path: Path) -> No
         sums.append(float(result.picture[..., 0].sum()))
     assert sums[0] == 0.0
     assert sums[1] > 5.0
+
+
+# ----- for distortion
+
+
+@pytest.mark.parametrize("model", ["brown", "polynomial"])
+def test_the_margin_holds_what_a_barrel_shows(scene: Any, module: Any, model: str) -> None:
+    own = scene.potmesil_camera
+    own.use_motion = own.use_lens = False
+    overscan = module("operators.overscan")
+    assert not overscan.uses_overscan(scene)
+    distortion = own.effects.distortion
+    distortion.use, distortion.model, distortion.k1 = True, model, -0.3
+    assert overscan.uses_overscan(scene)
+    # The corner is 48, 32 pixels of 133.3 to the focal length away from the axis.
+    x, y = 0.36, 0.24
+    distance = np.hypot(x, y)
+    for _ in range(100):
+        distance = np.hypot(x, y) / (1.0 - 0.3 * distance**2)
+    larger = distance / np.hypot(x, y)
+    expected = np.ceil((larger - 1.0) * np.array([48.0, 32.0])) + 2
+    assert margins_of(scene, module) == tuple(expected.tolist())
+    assert expected[0] > 4
+    distortion.k1 = 0.3
+    # Two are for interpolation.
+    assert max(margins_of(scene, module)) <= 2
+
+
+def test_distortion_adds_to_the_lens_and_stops_at_a_quarter(scene: Any, module: Any) -> None:
+    lens_only(scene, 0.2)
+    alone = margins_of(scene, module)
+    distortion = scene.potmesil_camera.effects.distortion
+    distortion.use, distortion.k1 = True, -0.3
+    both = margins_of(scene, module)
+    scene.potmesil_camera.use_lens = False
+    bent = margins_of(scene, module)
+    assert bent[0] > 2
+    assert both == (alone[0] + bent[0], alone[1] + bent[1])
+    distortion.k1 = -1.0
+    assert margins_of(scene, module) == (24, 16)
+
+
+def test_colours_of_other_sizes_have_a_margin(scene: Any, module: Any) -> None:
+    own = scene.potmesil_camera
+    own.use_motion = own.use_lens = False
+    own.effects.chromatic.use = True
+    assert not module("operators.overscan").uses_overscan(scene)
+    own.effects.chromatic.size_blue = -0.05
+    assert module("operators.overscan").uses_overscan(scene)
+    # 48 / 0.95 and 32 / 0.95, and two more.
+    assert margins_of(scene, module) == (5, 4)
+    own.effects.chromatic.size_blue = 0.05
+    # What blue sees is less than green's own.
+    assert margins_of(scene, module) == (2, 2)
+
+
+def test_what_is_outside_is_rendered_for_a_barrel(scene: Any, module: Any, tmp_path: Path) -> None:
+    scene.potmesil_camera.use_motion = scene.potmesil_camera.use_lens = False
+    distortion = scene.potmesil_camera.effects.distortion
+    distortion.use, distortion.k1 = True, -0.3
+    samples = export(scene, module, tmp_path / "a.exr")
+    margins = margins_of(scene, module)
+    assert samples.data_window.x0 == -margins[0]
+    assert samples.data_window.y1 == 64 + margins[1]
+    assert (samples.display_window.columns, samples.display_window.rows) == (96, 64)

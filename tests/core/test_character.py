@@ -10,12 +10,17 @@ import pytest
 
 from potmesil_addon.camera import Camera, Film
 from potmesil_addon.character import LensCharacter, axis_of, character_of
-from potmesil_addon.effects import ChromaticAberration, Effects, FocalSurface, Pupil, Vignetting
+from potmesil_addon.distortion import lens_map
+from potmesil_addon.effects import ChromaticAberration, Distortion, Effects, FocalSurface, Pupil, Vignetting
 from potmesil_addon.errors import SettingsError
 from potmesil_addon.focus import FocusSettings
 from potmesil_addon.lens import Lens
+from potmesil_addon.paths import CameraPath, MotionPaths
+from potmesil_addon.process import ProcessSettings, process
+from potmesil_addon.progress import run
 from potmesil_addon.psf import PsfSettings
-from potmesil_addon.samples import Samples, Window
+from potmesil_addon.samples import LensAttributes, Samples, Window
+from potmesil_addon.shutter import ShutterAttributes
 from potmesil_addon.visibility import Visibility
 
 from .helpers import Array, focused, make_samples
@@ -45,7 +50,7 @@ def scene(depth: Array | float, light: float = 0.0) -> Samples:
 
 
 def settings(effects: Effects, samples: Samples, **others: object) -> FocusSettings:
-    character = character_of(effects, film(), axis_of(samples), samples.display_window)
+    character = character_of(effects, FOCAL_LENGTH, film(), axis_of(samples), samples.display_window)
     values = {"lens": lens(), "film": film(), "visibility": "aperture", "character": character} | others
     return FocusSettings(**values)  # type: ignore[arg-type]
 
@@ -103,7 +108,7 @@ def test_beyond_infinity_circles_go_on_growing() -> None:
     at_infinity = settings(effects, samples, lens=lens(focus_distance=math.inf, f_stop=0.2))
     picture = focused(samples, at_infinity)[..., 1]
     assert np.isfinite(picture).all()
-    # Lights about as far above and below the axis are as large, one with an image upright and one on its head.
+    # Lights about as far above and below the axis are as large, upright and on their heads.
     assert picture[:30].max() == pytest.approx(picture[-30:].max(), rel=0.08)
     assert picture[:30].max() < 0.2 * picture[30:60].max()
 
@@ -144,13 +149,11 @@ def test_the_barrel_cuts_discs_towards_the_corners(visibility: Visibility) -> No
     )
     even = focused(scene(8.0, light=0.0), settings(effects, samples, visibility=visibility, lens=fast))
     assert even[..., 3] == pytest.approx(1.0, abs=1e-5)
-    # What the barrel takes away is a matter of vignetting: every light keeps its light, but for what eq. 22
-    # divides by. The middles of cut discs move by up to 0.4 radii, 3 pixels, over 75 of the field, and
-    # twice as much of that is density: 8 %.
+    # What the barrel takes away is a matter of vignetting: every light keeps its light.
     for j in range(0, ROWS, 30):
         for i in range(0, COLUMNS, 30):
             part = np.s_[j : j + 30, i : i + 30]
-            assert cut[part].sum() == pytest.approx(plain[part].sum(), rel=0.09)
+            assert cut[part].sum() == pytest.approx(plain[part].sum(), rel=0.02)
     # The corner's disc is narrower along the way out and as long across it.
     at = np.arange(30) - 15.0
     along, across = at - at[:, np.newaxis], at + at[:, np.newaxis]
@@ -163,8 +166,6 @@ def test_the_barrel_cuts_discs_towards_the_corners(visibility: Visibility) -> No
     narrow, long = ([spread(p, way) for p in (plain, cut)] for way in (along, across))
     assert narrow[1] < 0.6 * narrow[0]
     assert long[1] > 0.8 * long[0]
-    # It is the upper right side that is missing.
-    assert (cut[corner] * along).sum() < -1.0 * cut[corner].sum()
 
 
 def test_cut_discs_are_not_to_be_interpolated() -> None:
@@ -193,7 +194,7 @@ def test_colours_focus_at_their_own_distances() -> None:
 def test_light_falls_with_the_fourth_power_of_the_cosine() -> None:
     samples = scene(3.0)
     character = character_of(
-        Effects(vignetting=Vignetting()), film(), axis_of(samples), samples.display_window
+        Effects(vignetting=Vignetting()), FOCAL_LENGTH, film(), axis_of(samples), samples.display_window
     )
     assert character is not None
     share = character.vignetted(lens(), film(), samples.display_window)
@@ -209,7 +210,9 @@ def test_light_falls_with_the_fourth_power_of_the_cosine() -> None:
 def test_the_barrel_takes_the_light_that_two_discs_have_not_in_common() -> None:
     samples = scene(3.0)
     vignetting = Vignetting(natural=0.0, mechanical=0.5)
-    character = character_of(Effects(vignetting=vignetting), film(), axis_of(samples), samples.display_window)
+    character = character_of(
+        Effects(vignetting=vignetting), FOCAL_LENGTH, film(), axis_of(samples), samples.display_window
+    )
     assert character is not None
     share = character.vignetted(lens(), film(), samples.display_window)
     x, y = on_film()
@@ -217,6 +220,108 @@ def test_the_barrel_takes_the_light_that_two_discs_have_not_in_common() -> None:
     distance = 2.0 * 0.5 * np.hypot(x, y) / math.hypot(COLUMNS / 2 * PITCH, ROWS / 2 * PITCH)
     wanted = (2 * np.arccos(distance / 2) - 0.5 * distance * np.sqrt(4 - distance**2)) / math.pi
     assert share == pytest.approx(wanted, abs=2e-3)
+
+
+BARREL = Distortion(k1=-1.0)
+
+
+def bent_samples(margin: int, **others: object) -> Samples:
+    """Return lights before the camera, known up to a margin around the picture."""
+    rows, columns = ROWS + 2 * margin, COLUMNS + 2 * margin
+    color = np.zeros((rows, columns, 4))
+    color[..., 3] = 1.0
+    for j, i in np.ndindex(3, 3):
+        # A pixel filter's footprint, whose middle can be told between pixels.
+        rows_of, columns_of = (slice(margin + 14 + n, -margin or None, 30) for n in (j, i))
+        color[rows_of, columns_of, :3] = (1, 2, 1)[j] * (1, 2, 1)[i] / 4.0
+    data = Window(-margin, -margin, COLUMNS + margin, ROWS + margin)
+    lens_of = LensAttributes(FOCAL_LENGTH, 1.4, 2.0)
+    return make_samples(
+        color, 2.0, data=data, display=Window(0, 0, COLUMNS, ROWS), film=film(), lens=lens_of, **others
+    )
+
+
+def middle_of_light(picture: Array, around: tuple[float, float]) -> tuple[float, float]:
+    x, y = (round(value) for value in around)
+    part = picture[y - 6 : y + 7, x - 6 : x + 7, 1]
+    at = np.arange(-6, 7) + 0.5
+    return x + float((part * at).sum() / part.sum()), y + float((part.T * at).sum() / part.sum())
+
+
+def still_card(samples: Samples) -> Samples:
+    """Return samples with paths, in which nothing moves but far behind."""
+    camera = Camera(np.eye(4), FOCAL_LENGTH, film(), COLUMNS / 2, ROWS / 2)
+    turned = camera.matrix.copy()
+    # A camera that is swung by so much that all moves 4 pixels to the right.
+    turned[0] += 4.0 * turned[2]
+    path = CameraPath(
+        np.array([-1.0, 0.0, 1.0]), np.stack([turned, camera.matrix, 2 * camera.matrix - turned])
+    )
+    return replace(samples, camera=camera, paths=MotionPaths(path))
+
+
+@pytest.mark.parametrize("use_lens", [False, True])
+@pytest.mark.parametrize("use_motion", [False, True])
+@pytest.mark.parametrize("margin", [0, 12])
+def test_lights_land_where_the_distorting_lens_puts_them(
+    use_lens: bool, use_motion: bool, margin: int
+) -> None:
+    samples = still_card(bent_samples(margin))
+    wanted = ProcessSettings(
+        use_lens=use_lens,
+        use_motion=use_motion,
+        shutter=ShutterAttributes(frames=0.5),
+        effects=Effects(distortion=BARREL),
+    )
+    result = run(process(samples, wanted))
+    assert result.picture.shape == (ROWS, COLUMNS, 4)
+    known = lens_map(BARREL, None, FOCAL_LENGTH, film(), (COLUMNS / 2, ROWS / 2), samples.display_window)
+    assert known is not None
+    for y in range(15, ROWS, 30):
+        for x in range(15, COLUMNS, 30):
+            place = known.distort(np.array([x + 0.5, y + 0.5]))
+            found = middle_of_light(result.picture, (float(place[0]) - 0.5, float(place[1]) - 0.5))
+            assert found == pytest.approx(tuple(place.tolist()), abs=0.1)
+    # A barrel shows more than the pinhole did: without a margin its border is carried on.
+    assert result.picture[..., 3] == pytest.approx(1.0, abs=1e-4)
+
+
+def test_discs_stay_round_where_the_picture_is_bent() -> None:
+    """A warp of the finished picture would make them as oval as it makes squares."""
+    samples = replace(bent_samples(20), lens=LensAttributes(FOCAL_LENGTH, 0.25, 4.0))
+    strong = Effects(distortion=Distortion(k1=-3.5))
+    picture = run(process(samples, ProcessSettings(effects=strong))).picture[..., 1]
+    at = np.arange(26) - 12.5
+    known = lens_map(strong.distortion, None, FOCAL_LENGTH, film(), (60.0, 45.0), samples.display_window)
+    assert known is not None
+    x, y = (round(v) for v in known.distort(np.array([15.5, 45.5])).tolist())
+    part = picture[y - 13 : y + 13, x - 13 : x + 13]
+    across, down = (
+        (part.sum(axis=n) * (at - (part.sum(axis=n) * at).sum() / part.sum()) ** 2).sum() / part.sum()
+        for n in (0, 1)
+    )
+    squeezed = known.distort(np.array([[16.5, 45.5], [14.5, 45.5], [15.5, 46.5], [15.5, 44.5]]))
+    oval = (squeezed[0, 0] - squeezed[1, 0]) / (squeezed[2, 1] - squeezed[3, 1])
+    assert oval < 0.8
+    assert across / down == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_lens_that_bends_nothing_changes_no_bit() -> None:
+    samples = bent_samples(5)
+    plain = run(process(samples, ProcessSettings())).picture
+    neutral = Effects(distortion=Distortion(), chromatic=ChromaticAberration())
+    assert np.array_equal(plain, run(process(samples, ProcessSettings(effects=neutral))).picture)
+
+
+def test_red_and_blue_are_larger_by_their_share() -> None:
+    samples = bent_samples(5)
+    fringes = Effects(chromatic=ChromaticAberration(size_red=0.02, size_blue=-0.02))
+    picture = run(process(samples, ProcessSettings(effects=fringes))).picture
+    for primary, share in ((0, 0.02), (1, 0.0), (2, -0.02)):
+        part = picture[60:90, 90:120, primary]
+        at = np.arange(30) + 0.5
+        x = 90 + float((part.sum(axis=0) * at).sum() / part.sum())
+        assert x - COLUMNS / 2 == pytest.approx((105.5 - COLUMNS / 2) * (1.0 + share), abs=0.1)
 
 
 def test_the_axis_is_where_the_camera_has_it() -> None:

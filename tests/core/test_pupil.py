@@ -20,7 +20,6 @@ from potmesil_addon.pupil import (
     _middle_of,
     barrel_at,
     clear_share,
-    clipped,
     field_cells,
     outline,
     transmission,
@@ -165,7 +164,7 @@ def test_red_and_blue_focus_behind_green_by_their_shift_over_the_f_stop() -> Non
 @pytest.mark.parametrize("distance", [0.2, 0.9, 1.6])
 def test_two_discs_leave_a_lens_of_known_area(distance: float) -> None:
     wanted = (2.0 * math.acos(distance / 2.0) - 0.5 * distance * math.sqrt(4.0 - distance**2)) / math.pi
-    barrel = Barrel(distance * math.cos(1.1), distance * math.sin(1.1), 1.0)
+    barrel = Barrel(0.5 * distance * math.cos(1.1), 0.5 * distance * math.sin(1.1), 1.0)
     assert clear_share(lens(), None, barrel) == pytest.approx(wanted, abs=1e-3)
     assert clear_share(lens(), Pupil(apodisation=1e-9), barrel) == pytest.approx(wanted, abs=2e-3)
     cells = transmission(lens(), None, 64, barrel)
@@ -173,44 +172,42 @@ def test_two_discs_leave_a_lens_of_known_area(distance: float) -> None:
 
 
 def test_a_barrel_around_all_of_the_pupil_cuts_nothing_and_one_beside_it_all() -> None:
-    rim = outline(lens(blades=6))
-    assert area_of(clipped(rim, Barrel(0.1, 0.1, 3.0))) == pytest.approx(area_of(rim), rel=1e-12)
-    assert len(clipped(rim, Barrel(5.0, 0.0, 1.0))) == 0
-    inside = clipped(rim, Barrel(0.1, -0.1, 0.3))
-    assert area_of(inside) == pytest.approx(math.pi * 0.09, rel=1e-3)
+    its = lens(blades=6)
+    assert clear_share(its, None, Barrel(0.1, 0.1, 3.0)) == pytest.approx(1.0, rel=1e-12)
+    # A small opening in the middle of the pupil, of two rims 0.2 apart.
+    small = (2.0 * math.acos(1.0 / 3.0) - (2.0 / 3.0) * math.sqrt(1.0 - 1.0 / 9.0)) * 0.3**2
+    share = clear_share(lens(), None, Barrel(0.1, 0.0, 0.3))
+    assert share == pytest.approx(small / math.pi, rel=2e-3)
     with pytest.raises(SettingsError, match="barrel"):
         clear_share(lens(), None, Barrel(5.0, 0.0, 1.0))
 
 
-def test_the_barrel_cuts_the_side_that_looks_out_of_the_picture() -> None:
-    """Behind the focus the pupil's image is upright: right in the picture its right side is missing."""
+def test_the_barrel_leaves_a_cats_eye_across_the_way_out_of_the_picture() -> None:
     shape = PupilShape(lens(), film(), vignetting=Vignetting(mechanical=0.4))
     right = int(field_cells(np.array([1.0]), np.array([0.0]))[0])
-    up = int(field_cells(np.array([0.0]), np.array([1.0]))[0])
-    assert (
-        image(shape, 80.0, cell=right)[0, 60, 61:].sum()
-        < 0.3 * image(shape, 80.0, cell=right)[0, 60, :60].sum()
-    )
-    assert (
-        image(shape, -80.0, cell=right)[0, 60, :60].sum()
-        < 0.3 * image(shape, -80.0, cell=right)[0, 60, 61:].sum()
-    )
-    # Rows count downwards.
-    assert image(shape, 80.0, cell=up)[0, :60, 60].sum() < 0.3 * image(shape, 80.0, cell=up)[0, 61:, 60].sum()
-    for cell in (0, right, up):
+    up_right = int(field_cells(np.array([1.0]), np.array([1.0]))[0])
+    for diameter in (80.0, -80.0):
+        seen = image(shape, diameter, cell=right)[0] > 0.0
+        # Discs of radius 40 whose middles are 32 apart: 48 wide and twice sqrt(40^2 - 16^2) high.
+        assert seen[60].sum() == pytest.approx(48, abs=2)
+        assert seen[:, 60].sum() == pytest.approx(2.0 * math.sqrt(40.0**2 - 16.0**2), abs=2)
+        # Rows count downwards: towards the upper right corner it is narrow.
+        oblique = image(shape, diameter, cell=up_right)[0] > 0.0
+        assert np.trace(oblique) > 1.2 * np.trace(oblique[:, ::-1])
+    for cell in (0, right, up_right):
         assert image(shape, 80.0, cell=cell).sum() == pytest.approx(1.0)
 
 
 def test_stopping_down_leaves_the_barrel_where_it_is() -> None:
-    barrel = Vignetting(mechanical=0.3, fastest_f_stop=1.4)
-    wide = clear_share(lens(f_stop=1.4), None, barrel_at(lens(f_stop=1.4), barrel, 1.0, 0.0))
-    closed = clear_share(lens(f_stop=2.0), None, barrel_at(lens(f_stop=2.0), barrel, 1.0, 0.0))
-    small = clear_share(lens(f_stop=5.6), None, barrel_at(lens(f_stop=5.6), barrel, 1.0, 0.0))
-    assert wide < closed < small
-    assert small == pytest.approx(1.0)
-    # The barrel's rim, 0.6 of f/1.4's radius to the side, against a pupil of 0.7 of it.
+    barrel = Vignetting(mechanical=0.6, fastest_f_stop=1.4)
+    stops = (1.4, 2.0, 2.8, 5.6)
+    shares = [clear_share(lens(f_stop=n), None, barrel_at(lens(f_stop=n), barrel, 1.0, 0.0)) for n in stops]
+    assert shares == sorted(shares)
+    assert shares[0] < 0.3
+    assert shares[-1] == pytest.approx(1.0)
+    # Rims of the radius of f/1.4's pupil, 0.6 of it to either side, for a pupil of 0.7 of it.
     its = barrel_at(lens(f_stop=2.0), barrel, 1.0, 0.0)
-    assert its == pytest.approx((-0.6 * 2.0 / 1.4, 0.0, 2.0 / 1.4))
+    assert its == pytest.approx((0.6 * 2.0 / 1.4, 0.0, 2.0 / 1.4))
 
 
 def test_every_cell_of_the_field_holds_its_own_middle() -> None:
