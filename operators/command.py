@@ -18,6 +18,7 @@ from ..potmesil_addon.errors import EXIT_DONE, EXIT_FAILED, InputError, Potmesil
 from ..potmesil_addon.frames import frame_path, parse_frames
 from . import kernels
 from .borrow import Borrowed
+from .effects import scene_effects
 from .export import refuse_errors, render_samples, samples_path
 from .process import panel_shutter
 
@@ -72,6 +73,7 @@ def main(arguments: list[str]) -> int:
             parser.set_defaults(no_reflections=own.reflections == "OFF")
             parser.set_defaults(no_shadows=own.reflections != "REFLECTIONS_AND_SHADOWS")
             parser.set_defaults(no_lens=not own.use_lens, no_motion=not own.use_motion)
+            parser.set_defaults(panel_effects=scene_effects(scene))
             parser.set_defaults(uniform_defocus=repr(own.uniform_defocus), fade=repr(own.fade))
             return parser.parse_args(arguments[1:])
 

@@ -22,6 +22,8 @@ import numpy as np
 from . import __version__, exr, jit, png
 from .camera import Film, pan_tilt_swing
 from .diffraction import lommel_intensity, optical_defocus, optical_radius
+from .effect_options import described, read_effects, with_options
+from .effects import Effects, effects_from_json
 from .errors import EXIT_DONE, EXIT_FAILED, InputError, PotmesilError, SettingsError
 from .files import whole_file
 from .focus import WEIGHTINGS
@@ -139,6 +141,10 @@ def add_core_commands(commands: Any) -> None:
     info.add_argument("input", type=Path, metavar="IN.exr")
     info.add_argument("--json", action="store_true", help="print JSON")
     info.set_defaults(run=_info)
+
+    effects = commands.add_parser("effects", help="list the special effects and what can be set")
+    effects.add_argument("--json", action="store_true", help="print JSON; null stands for no limit")
+    effects.set_defaults(run=_list_effects)
 
     dof = commands.add_parser("dof", help="print the limits of the depth of field")
     _add_lens(dof)
@@ -267,6 +273,18 @@ def add_process_options(parser: argparse.ArgumentParser) -> None:
         "--fade", metavar="KEYS", default="1", help="share of the finished picture's light: 0 is black"
     )
     parser.add_argument(
+        "--effect",
+        action="append",
+        default=[],
+        metavar="NAME[.FIELD=KEYS]",
+        help="switch a special effect on, or set what it does: star, star.lines=4, star=off; may be "
+        "repeated; the command effects lists them",
+    )
+    parser.add_argument(
+        "--effects", type=Path, metavar="FILE.json", help="special effects, which --effect goes on from"
+    )
+    parser.set_defaults(panel_effects={})
+    parser.add_argument(
         "--layer",
         action="append",
         metavar="NAME",
@@ -336,8 +354,16 @@ def process_settings(options: argparse.Namespace, frame: int | None = None) -> P
         shadows=not options.no_shadows,
         uniform_defocus=parse_keys(options.uniform_defocus).at(frame) / 1000.0,
         fade=parse_keys(options.fade).at(frame),
+        effects=_effects(options, frame),
+        frame=frame or 0,
         backend=options.backend,
     )
+
+
+def _effects(options: argparse.Namespace, frame: int | None) -> Effects:
+    """Return the special effects: the panel's, those of a file over them, and single options over both."""
+    base = {**options.panel_effects, **({} if options.effects is None else read_effects(options.effects))}
+    return effects_from_json(with_options(base, options.effect, frame))
 
 
 def write_result(path: Path, result: Result, samples: Samples) -> None:
@@ -781,6 +807,27 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float):
         return _finite(value)
     return value
+
+
+def _list_effects(options: argparse.Namespace) -> int:
+    rows = described()
+    if options.json:
+        print(json.dumps(rows))
+        return EXIT_DONE
+    for row in rows:
+        default, unit = row["default"], row["unit"]
+        if isinstance(default, bool):
+            default = "on" if default else "off"
+        elif isinstance(default, list):
+            default = ",".join(f"{part:g}" for part in default)
+        limits = "|".join(row["choices"])
+        if row["least"] is not None:
+            limits = f"{row['least']:g} to {row['most']:g}"
+        facts = ", ".join(filter(None, (unit, f"default {default}" if default != "" else "", limits)))
+        print(
+            f"{row['name']:>30}: {row['about']} ({facts})" if facts else f"{row['name']:>30}: {row['about']}"
+        )
+    return EXIT_DONE
 
 
 def _info(options: argparse.Namespace) -> int:
