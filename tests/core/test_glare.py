@@ -183,7 +183,7 @@ def test_a_slits_first_zero_is_at_wavelength_times_focal_length_over_width() -> 
     """Of one primary's own spectrum a blue and a red line are told apart; here the closed form of the sum."""
     from potmesil_addon.spectrum import primaries_of_wavelengths
 
-    pitch, width = 3e-6, 300e-6
+    pitch, width = 4e-6, 300e-6
     star = StarFilter(lines=1, strength=1.0, groove_width=width)
     found = spread(Effects(star=star), lens(), film(pitch))
     wavelengths, shares = primaries_of_wavelengths()
@@ -196,7 +196,9 @@ def test_a_slits_first_zero_is_at_wavelength_times_focal_length_over_width() -> 
         wanted = np.clip(profile.reshape(SIDE, 50).mean(axis=1) * pitch, 0.0, None)
         inner = np.abs(np.arange(SIDE) - MIDDLE) < 65
         got = found[:, :, n].sum(axis=0)
-        assert np.abs(got - wanted)[inner].max() < 0.03 * wanted.max()
+        # The light of farther orders, which fades out, is given back to all.
+        wanted *= got[inner].sum() / wanted[inner].sum()
+        assert np.abs(got - wanted)[inner].max() < 0.02 * wanted.max()
 
 
 def test_streaks_turn_counter_clockwise() -> None:
