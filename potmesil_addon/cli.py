@@ -12,8 +12,8 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -53,17 +53,25 @@ from .psf import (
 from .samples import Float32Array, LensAttributes, Samples
 from .scatter import BACKENDS
 from .shutter import (
+    CURTAINS,
     SHUTTER_POSITIONS,
     SLIT_EDGES,
     Curve,
+    Flash,
     Openings,
     ShutterAttributes,
     Slit,
     parse_curve,
     parse_openings,
+    rotary_slit,
 )
 from .visibility import VISIBILITIES
 
+_FLASH_NUMBERS: Final[tuple[tuple[str, Callable[[str], Any]], ...]] = (
+    ("share", float),
+    ("duration", float),
+    ("count", int),
+)
 _EXIT_INTERRUPTED: Final = 130
 _PAST_THE_EDGE: Final = 10.0 * math.pi
 _MAX_PROFILE: Final = 20_000
@@ -454,7 +462,20 @@ def _picture_attributes(result: Result, samples: Samples) -> dict[str, Any]:
 
 
 def _add_shutter(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--shutter", type=float, metavar="FRAMES", help="exposure time T in frames")
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument("--shutter", type=float, metavar="FRAMES", help="exposure time T in frames")
+    length.add_argument(
+        "--shutter-angle",
+        type=float,
+        metavar="DEG",
+        help="exposure time as a rotary shutter's opening: T = DEG / 360",
+    )
+    parser.add_argument(
+        "--shutter-gate",
+        type=float,
+        metavar="DEG",
+        help="rotary shutter: angle of the film gate as its disc's axis sees it; the last row is later by it",
+    )
     parser.add_argument(
         "--shutter-position", choices=SHUTTER_POSITIONS, help="where the frame lies in the exposure"
     )
@@ -482,20 +503,58 @@ def _add_shutter(parser: argparse.ArgumentParser) -> None:
         f"exposure that a point of the film gets, such as left:0.1; {_OFF}: all of the film at once",
     )
 
+    parser.add_argument(
+        "--flash",
+        metavar="CURTAIN[:SHARE[:DURATION[:COUNT]]]",
+        help=f"flash with the {' or '.join(CURTAINS)} curtain: its share of the light (default 0.5), how "
+        f"long it lasts in units of T (0.01), and of how many a strobe is (1); {_OFF}: no flash",
+    )
+
 
 def _shutter(options: argparse.Namespace) -> ShutterAttributes:
     """Return what the options say of the exposure."""
+    frames, slit = options.shutter, _slit(options.slit)
+    if options.shutter_angle is not None:
+        frames = options.shutter_angle / 360.0
+    if options.shutter_gate is not None:
+        if frames is None or options.slit is not None or not options.shutter_gate >= 0.0:
+            raise SettingsError(
+                "--shutter-gate is an angle of 0 or more; it needs --shutter-angle or --shutter, no --slit."
+            )
+        frames, slit = rotary_slit(frames, math.radians(options.shutter_gate))
     shutter = ShutterAttributes(
-        frames=options.shutter,
+        frames=frames,
         position=options.shutter_position,
         curve=_curve(options.shutter_curve),
         openings=_openings(options.exposures),
         blade_time=options.shutter_blades,
-        slit=_slit(options.slit),
+        slit=slit,
+        flash=_flash(options.flash),
     )
     # What is wrong by itself is refused before any work starts.
-    replace(shutter, frames=_default(options.shutter, 1.0)).resolve()
+    replace(shutter, frames=_default(frames, 1.0)).resolve()
     return shutter
+
+
+def _flash(text: str | None) -> Flash | None:
+    if text is None:
+        return None
+    if text == _OFF:
+        # A flash without light, since None would leave the file's.
+        return Flash(share=0.0)
+    curtain, *numbers = text.split(":")
+    for known in CURTAINS:
+        if curtain == known and len(numbers) <= len(_FLASH_NUMBERS):
+            try:
+                values = {name: kind(n) for (name, kind), n in zip(_FLASH_NUMBERS, numbers, strict=False)}
+                return Flash(known, **values)
+            except ValueError as error:
+                if isinstance(error, SettingsError):
+                    raise
+    raise SettingsError(
+        f"'{text}' is no flash; write {' or '.join(CURTAINS)}, its share, duration and count as in "
+        f"second:0.5:0.01:1, or {_OFF}."
+    )
 
 
 def _curve(name: str | None) -> Curve | None:
@@ -958,4 +1017,5 @@ def _describe_shutter(shutter: ShutterAttributes) -> dict[str, Any]:
         "openings": [list(opening) for opening in shutter.openings or ()],
         "blade_time": shutter.blade_time or 0.0,
         "slit": None if slit is None else {"edge": slit.edge, "width": slit.width},
+        "flash": None if shutter.flash is None else asdict(shutter.flash),
     }

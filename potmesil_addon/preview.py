@@ -16,7 +16,7 @@ from .process import ProcessSettings, motion_settings, process
 from .progress import run
 from .psf import PsfSettings
 from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window
-from .shutter import ShutterAttributes, Slit
+from .shutter import ShutterAttributes, Slit, flash_from_json
 from .visibility import Visibility
 
 MOST_COLUMNS: Final = 960
@@ -95,6 +95,7 @@ def _shutter(values: dict[str, Any]) -> ShutterAttributes:
             known[name] = tuple((float(a), float(b)) for a, b in known[name])
     if known.get("slit") is not None:
         known["slit"] = Slit(**known["slit"])
+    known["flash"] = flash_from_json(known.get("flash"))
     return ShutterAttributes(**known)
 
 

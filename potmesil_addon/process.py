@@ -450,6 +450,9 @@ def _development(samples: Samples, settings: ProcessSettings, rows: int, columns
     seconds = shutter.exposure_time
     if shutter.frames is not None and shutter.frames_per_second is not None:
         seconds = shutter.frames / shutter.frames_per_second
+    if seconds is not None and shutter.slit is not None:
+        # As long as the slit uncovers a point of the film.
+        seconds *= shutter.slit.width
     return Development(effects, lens, film, window, character, seconds, settings.frame)
 
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import json
 import math
+import operator
 import re
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
@@ -26,16 +27,22 @@ ShutterPosition = Literal["start", "center", "end"]
 SlitEdge = Literal["top", "bottom", "left", "right"]
 """The side of the picture that a travelling slit exposes first."""
 
+Curtain = Literal["first", "second"]
+"""Whether a flash fires when the shutter has opened or before it closes."""
+
 Curve = tuple[tuple[float, float], ...]
 Openings = tuple[tuple[float, float], ...]
 
 SHUTTER_POSITIONS: Final[tuple[ShutterPosition, ...]] = get_args(ShutterPosition)
 SLIT_EDGES: Final[tuple[SlitEdge, ...]] = get_args(SlitEdge)
 
+CURTAINS: Final[tuple[Curtain, ...]] = get_args(Curtain)
+
 MAX_FRAMES: Final = 1e4
 """Longest exposure: far past what an animation's paths tell."""
 
 MAX_OPENINGS: Final = 1000
+MAX_FLASHES: Final = 1000
 
 _BLADE_STEPS: Final = 32
 """Straight pieces for the parabola that the area of an opening aperture follows."""
@@ -75,6 +82,51 @@ class Slit:
 
 
 @dataclass(frozen=True, slots=True)
+class Flash:
+    """Flashes while the shutter is open, beside the ambient light.
+
+    The light of a flash falls on all of the scene alike: samples do not tell one lamp from another.
+
+    Parameters
+    ----------
+    curtain : {"first", "second"}
+        With which end of the exposure flashes are in step.
+    share : float
+        Share of the exposure's light that is theirs, from 0 (no flash) to 1 (no ambient light).
+    duration : float
+        How long each one lasts, in units of T, greater than 0.
+    count : int
+        Number of flashes: more than one is a strobe, evenly over the exposure.
+
+    Raises
+    ------
+    SettingsError
+        If a value is out of range or the flashes overlap.
+    """
+
+    curtain: Curtain = "second"
+    share: float = 0.5
+    duration: float = 0.01
+    count: int = 1
+
+    def __post_init__(self) -> None:
+        if self.curtain not in CURTAINS:
+            raise SettingsError(
+                f"A flash is in step with the {' or '.join(CURTAINS)} curtain, not '{self.curtain}'."
+            )
+        if not 0.0 <= self.share <= 1.0:
+            raise SettingsError(f"A flash's share of the light must be from 0 to 1, not {self.share:g}.")
+        if not 0.0 < self.duration <= 1.0:
+            raise SettingsError(f"A flash lasts from 0 to 1 of the exposure, not {self.duration:g}.")
+        if not 1 <= self.count <= MAX_FLASHES:
+            raise SettingsError(f"There are 1 to {MAX_FLASHES} flashes, not {self.count}.")
+        if self.count * self.duration > 1.0:
+            raise SettingsError(
+                f"{self.count} flashes of {self.duration:g} of the exposure overlap; make them shorter."
+            )
+
+
+@dataclass(frozen=True, slots=True)
 class ShutterAttributes:
     """What a file, or the artist, says of the exposure; ``None`` where it is not said.
 
@@ -96,6 +148,8 @@ class ShutterAttributes:
         See `Shutter`.
     slit : Slit or None
         The slit; ``None`` for a shutter that exposes the whole film at once.
+    flash : Flash or None
+        Flashes beside the ambient light.
     """
 
     exposure_time: float | None = None
@@ -106,6 +160,7 @@ class ShutterAttributes:
     openings: Openings | None = None
     blade_time: float | None = None
     slit: Slit | None = None
+    flash: Flash | None = None
 
     def over(self, other: ShutterAttributes) -> ShutterAttributes:
         """Return these attributes, and the other's where these say nothing."""
@@ -120,7 +175,8 @@ class ShutterAttributes:
     def needs_length(self) -> bool:
         """Whether something is said that means nothing without the length of the exposure."""
         slit = self.slit is not None and self.slit.width < 1.0
-        return bool(self.position or self.curve or self.openings or self.blade_time or slit)
+        flash = self.flash is not None and self.flash.share > 0.0
+        return bool(self.position or self.curve or self.openings or self.blade_time or slit or flash)
 
     def resolve(self) -> Shutter | None:
         """Return the shutter, or ``None`` where its length is not known."""
@@ -136,6 +192,7 @@ class ShutterAttributes:
             openings=self.openings or (),
             blade_time=self.blade_time or 0.0,
             slit=self.slit,
+            flash=self.flash,
         )
 
 
@@ -161,11 +218,14 @@ class Shutter:
         blades take to open, and again to close. The radius of the aperture grows evenly meanwhile.
     slit : Slit or None
         Focal-plane or rolling shutter.
+    flash : Flash or None
+        Flashes beside the ambient light, which the curve, openings and blades let in.
 
     Raises
     ------
     SettingsError
-        If a value is out of range or no light is let in.
+        If a value is out of range, no light is let in, or a flash falls on a film of which a slit uncovers
+        a part only.
     """
 
     frames: float = 0.5
@@ -174,6 +234,7 @@ class Shutter:
     openings: Openings = ()
     blade_time: float = 0.0
     slit: Slit | None = None
+    flash: Flash | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.frames <= MAX_FRAMES:
@@ -190,8 +251,12 @@ class Shutter:
             )
         _check_curve(self.curve)
         _check_openings(self.openings)
-        if not self.pieces()[:, 2:].any():
+        if not self._ambient()[:, 2:].any():
             raise SettingsError("The shutter's curve is 0 all the time it is open; raise it.")
+        if self._flashes and self.slit is not None and self.slit.width < 1.0:
+            raise SettingsError(
+                "A flash needs all of the film uncovered at once; leave out the slit, or the flash."
+            )
 
     @property
     def length(self) -> float:
@@ -291,8 +356,48 @@ class Shutter:
             return ((0.0, 1.0),)
         return tuple((begin * self._unit, end * self._unit) for begin, end in self.openings)
 
+    @property
+    def _flashes(self) -> Openings:
+        """Begin and end of each flash as positions in the interval."""
+        flash = self.flash
+        if flash is None or flash.share == 0.0:
+            return ()
+        opened = self.opened()
+        # Between-the-lens shutters are in step when their blades are open.
+        begin = opened[0][0] + self.blade_time * min(opened[0][1] - opened[0][0], self._unit)
+        end = opened[-1][1] - self.blade_time * min(opened[-1][1] - opened[-1][0], self._unit)
+        spacing = (end - begin) / flash.count
+        if spacing <= 0.0:
+            raise SettingsError("The blades are never open for a flash; shorten their time.")
+        duration = min(flash.duration * self._unit, spacing)
+        inset = 0.0 if flash.curtain == "first" else spacing - duration
+        return tuple(
+            (begin + n * spacing + inset, begin + n * spacing + inset + duration) for n in range(flash.count)
+        )
+
     def pieces(self) -> FloatArray:
         """Return (begin, end, light at begin, light at end) of pieces in which light changes evenly."""
+        ambient, flashes = self._ambient(), self._flashes
+        if not flashes:
+            return ambient
+        assert self.flash is not None
+        # Ambient light is cut where a flash begins or ends.
+        edges = np.unique([*ambient[:, :2].reshape(-1), *np.reshape(flashes, -1)])
+        begin, end = edges[:-1], edges[1:]
+        middle = 0.5 * (begin + end)
+        piece = np.clip(np.searchsorted(ambient[:, 0], middle, side="right") - 1, 0, len(ambient) - 1)
+        t0, t1, d0, d1 = ambient[piece].T
+        slope = (d1 - d0) / (t1 - t0)
+        # Between two openings it is dark.
+        lit = (middle > t0) & (middle < t1)
+        first, last = (np.where(lit, d0 + slope * (t - t0), 0.0) for t in (begin, end))
+        scale = (1.0 - self.flash.share) / float((0.5 * (first + last) * (end - begin)).sum())
+        inside = np.any([(middle > start) & (middle < stop) for start, stop in flashes], axis=0)
+        flash = self.flash.share / sum(stop - start for start, stop in flashes) * inside
+        return np.stack([begin, end, scale * first + flash, scale * last + flash], axis=1)
+
+    def _ambient(self) -> FloatArray:
+        """Return the same pieces without flashes."""
         curve = np.array(self.curve if self.curve else ((0.0, 1.0), (1.0, 1.0)))
         pieces = []
         for begin, end in self.opened():
@@ -393,6 +498,7 @@ def attributes_to_json(shutter: ShutterAttributes) -> dict[str, Any]:
         "openings": shutter.openings,
         "blade_time": shutter.blade_time,
         "slit": slit,
+        "flash": None if shutter.flash is None else asdict(shutter.flash),
     }
     return {name: value for name, value in values.items() if value is not None}
 
@@ -422,10 +528,53 @@ def attributes_from_json(values: dict[str, Any]) -> ShutterAttributes:
         openings=pairs("openings"),
         blade_time=number("blade_time"),
         slit=None if slit is None else Slit(slit["edge"], float(slit["width"])),
+        flash=flash_from_json(values.get("flash")),
     )
     # Found good or raised, also where the length is not known.
     replace(attributes, frames=1.0 if attributes.frames is None else attributes.frames).resolve()
     return attributes
+
+
+def flash_from_json(values: dict[str, Any] | None) -> Flash | None:
+    """Return the flash of plain values, as `dataclasses.asdict` makes them.
+
+    Raises
+    ------
+    SettingsError, TypeError, ValueError
+        If it is not of that form.
+    """
+    if values is None:
+        return None
+    return Flash(
+        values["curtain"], float(values["share"]), float(values["duration"]), operator.index(values["count"])
+    )
+
+
+def rotary_slit(frames: float, gate: float, edge: SlitEdge = "top") -> tuple[float, Slit]:
+    """Return the exposure of a rotary disc shutter before the gate of a film camera.
+
+    A disc with an opening of the angle a turns once a frame: each point of the film is exposed for
+    a / 360 of it. The disc's edges take as long to cross the gate as the angle under which its axis sees the
+    gate, so the last row is exposed by that much later than the first.
+
+    Parameters
+    ----------
+    frames : float
+        Exposure of a point in frames: the disc's opening over a whole turn.
+    gate : float
+        Angle of the gate as seen from the disc's axis, in radians.
+    edge : {"top", "bottom", "left", "right"}
+        The side of the picture that is exposed first.
+
+    Returns
+    -------
+    frames : float
+        Length of the interval in which the film is exposed anywhere.
+    slit : Slit
+        The share of it that each point gets.
+    """
+    whole = frames + gate / (2.0 * math.pi)
+    return whole, Slit(edge, frames / whole if whole > 0.0 else 1.0)
 
 
 def _check_curve(curve: Curve) -> None:

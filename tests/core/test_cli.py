@@ -18,13 +18,14 @@ import pytest
 
 from potmesil_addon import __version__, cli, exr
 from potmesil_addon.camera import Camera, FrameFormat, camera_rotation
+from potmesil_addon.errors import SettingsError
 from potmesil_addon.lens import Lens, depth_of_field_for_circle
 from potmesil_addon.paths import CameraPath, MotionPaths, ObjectPath
 from potmesil_addon.process import ProcessSettings, process
 from potmesil_addon.progress import run
 from potmesil_addon.psf import PRIMARY_WAVELENGTHS, PsfSettings
 from potmesil_addon.samples import LensAttributes
-from potmesil_addon.shutter import Shutter, ShutterAttributes, Slit, attributes_from_json
+from potmesil_addon.shutter import Flash, Shutter, ShutterAttributes, Slit, attributes_from_json
 
 from .helpers import (
     DATA,
@@ -387,6 +388,7 @@ def test_info_says_what_the_shutter_does_and_what_moves(potmesil: Runner, tmp_pa
         "openings": [[0.0, 0.2], [0.4, 1.2]],
         "blade_time": 0.25,
         "slit": {"edge": "left", "width": 0.125},
+        "flash": None,
     }
     assert ended.json["motion"] == {"objects": 2, "deforming": 1, "camera_moves": False}
     text = potmesil("info", source).out
@@ -1289,3 +1291,41 @@ def test_primaries_are_those_of_rec_709() -> None:
     assert 600e-9 < red < 620e-9
     assert 540e-9 < green < 560e-9
     assert 455e-9 < blue < 475e-9
+
+
+def shutter_of(*words: str) -> ShutterAttributes:
+    parser = cli.build_parser("potmesil")
+    return cli.process_settings(parser.parse_args(["process", "in.exr", "-o", "out.exr", *words])).shutter
+
+
+def test_a_shutter_angle_is_a_share_of_a_frame() -> None:
+    assert shutter_of("--shutter-angle", "172.8").frames == pytest.approx(0.48)
+    gated = shutter_of("--shutter-angle", "180", "--shutter-gate", "36")
+    assert gated.frames == pytest.approx(0.6)
+    assert gated.slit is not None
+    assert (gated.slit.edge, gated.slit.width) == ("top", pytest.approx(0.5 / 0.6))
+
+
+def test_a_flash_is_said_by_its_curtain() -> None:
+    assert shutter_of("--flash", "first").flash == Flash("first")
+    assert shutter_of("--flash", "second:0.25:0.02:3").flash == Flash("second", 0.25, 0.02, 3)
+    assert shutter_of("--flash", "none").flash == Flash(share=0.0)
+    assert shutter_of().flash is None
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--flash", "third"),
+        ("--flash", "first:x"),
+        ("--flash", "first:0.5:0.1:1:1"),
+        ("--flash", "first:2"),
+        ("--flash", "first", "--slit", "top:0.1"),
+        ("--shutter-gate", "10"),
+        ("--shutter-gate", "-1", "--shutter", "0.5"),
+        ("--shutter-gate", "10", "--shutter", "0.5", "--slit", "top:0.1"),
+    ],
+)
+def test_shutters_that_cannot_be_are_refused(words: tuple[str, ...]) -> None:
+    with pytest.raises(SettingsError):
+        shutter_of(*words)

@@ -19,6 +19,7 @@ from potmesil_addon.shutter import (
     SHUTTER_POSITIONS,
     SLIT_EDGES,
     Curve,
+    Flash,
     Shutter,
     ShutterAttributes,
     Slit,
@@ -27,6 +28,7 @@ from potmesil_addon.shutter import (
     even_openings,
     parse_curve,
     parse_openings,
+    rotary_slit,
 )
 
 Array = npt.NDArray[np.float64]
@@ -397,3 +399,96 @@ def test_the_length_comes_from_frames_or_from_seconds() -> None:
     assert full.resolve() == Shutter(1.5, "end", TRIANGLE, ((0.0, 1.0),), 0.2, slit)
     with pytest.raises(SettingsError, match="0 to 10000 frames"):
         ShutterAttributes(frames=-1.0).resolve()
+
+
+FLASHED = [
+    (Shutter(flash=Flash("first", 0.4, 0.02)), [(0.0, 0.02)]),
+    (Shutter(flash=Flash("second", 0.4, 0.02)), [(0.98, 1.0)]),
+    (Shutter(flash=Flash("first", 0.7, 0.05, 4)), [(0.0, 0.05), (0.25, 0.3), (0.5, 0.55), (0.75, 0.8)]),
+    (Shutter(flash=Flash("second", 1.0, 0.1, 2)), [(0.4, 0.5), (0.9, 1.0)]),
+    (Shutter(curve=TRIANGLE, flash=Flash("second", 0.5, 0.2)), [(0.8, 1.0)]),
+    (Shutter(blade_time=0.2, flash=Flash("first", 0.3, 0.1)), [(0.2, 0.3)]),
+    (Shutter(blade_time=0.2, flash=Flash("second", 0.3, 0.1)), [(0.7, 0.8)]),
+    (Shutter(openings=even_openings(3, 0.2, 0.4), flash=Flash("second", 0.5, 0.1)), [(0.9, 1.0)]),
+]
+
+
+@pytest.mark.parametrize(("shutter", "flashes"), FLASHED)
+def test_a_flash_adds_its_share_to_the_ambient_light(
+    shutter: Shutter, flashes: list[tuple[float, float]]
+) -> None:
+    flash = shutter.flash
+    assert flash is not None
+    ambient = replace(shutter, flash=None)
+    edges = np.linspace(0.0, 1.0, 41)
+    for begin, end in pairwise(edges.tolist()):
+        lit = sum(max(0.0, min(end, stop) - max(begin, start)) for start, stop in flashes)
+        whole = sum(stop - start for start, stop in flashes)
+        wanted = flash.share * lit / whole + (1.0 - flash.share) * ambient.light(begin, end)
+        assert shutter.light(begin, end) == pytest.approx(wanted, abs=1e-9)
+    # Shares of the light come in when all before has come in.
+    shares = np.linspace(0.001, 0.999, 99)
+    times = shutter.times(shares)
+    assert [shutter.light(0.0, t) for t in times.tolist()] == pytest.approx(shares.tolist(), abs=1e-9)
+
+
+def test_a_strobe_without_ambient_light_shows_distinct_moments() -> None:
+    strobe = Shutter(flash=Flash("first", 1.0, 0.001, 5))
+    times = strobe.times((np.arange(500) + 0.5) / 500)
+    assert np.unique(np.rint(times * 5.0)).tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert np.abs(times * 5.0 - np.rint(times * 5.0)).max() <= 0.005 + 1e-9
+
+
+def test_without_its_share_a_flash_is_none() -> None:
+    for shutter in (Shutter(), Shutter(curve=TRIANGLE), Shutter(blade_time=0.3)):
+        assert np.array_equal(shutter.pieces(), replace(shutter, flash=Flash(share=0.0)).pieces())
+
+
+WRONG_FLASHES: list[dict[str, Any]] = [
+    {"curtain": "third"},
+    {"share": -0.1},
+    {"share": 1.1},
+    {"share": math.nan},
+    {"duration": 0.0},
+    {"duration": 1.5},
+    {"count": 0},
+    {"count": 10_000},
+    {"count": 20, "duration": 0.1},
+]
+
+
+@pytest.mark.parametrize("values", WRONG_FLASHES)
+def test_wrong_flashes_are_refused(values: dict[str, Any]) -> None:
+    with pytest.raises(SettingsError):
+        Flash(**values)
+
+
+def test_a_flash_needs_the_whole_film() -> None:
+    with pytest.raises(SettingsError, match="uncovered at once"):
+        Shutter(slit=Slit("top", 0.2), flash=Flash())
+    assert Shutter(slit=Slit("top", 1.0), flash=Flash()).light(0.99, 1.0) > 0.5
+    with pytest.raises(SettingsError, match="never open"):
+        Shutter(blade_time=0.5, flash=Flash())
+
+
+def test_a_flash_survives_a_file_and_can_be_switched_off() -> None:
+    attributes = ShutterAttributes(frames=0.5, flash=Flash("first", 0.25, 0.02, 3))
+    text = json.dumps(attributes_to_json(attributes))
+    assert attributes_from_json(json.loads(text)) == attributes
+    off = ShutterAttributes(flash=Flash(share=0.0)).over(attributes).resolve()
+    assert off is not None
+    assert np.array_equal(off.pieces(), Shutter(frames=0.5).pieces())
+    with pytest.raises((TypeError, ValueError, KeyError)):
+        attributes_from_json({"flash": {"curtain": "first", "share": 0.5, "duration": 0.1, "count": 1.5}})
+
+
+@pytest.mark.parametrize("angle", [45.0, 172.8, 180.0])
+def test_a_rotary_disc_exposes_each_row_for_its_angle(angle: float) -> None:
+    """A point at s of the gate is uncovered while the disc's opening is over it, as the disc turns."""
+    gate = math.radians(40.0)
+    frames, slit = rotary_slit(angle / 360.0, gate)
+    shutter = Shutter(frames=frames, position="start", slit=slit)
+    for along in (0.0, 0.3, 1.0):
+        begin, end = shutter.frame_times([0.0, 1.0], along)
+        assert end - begin == pytest.approx(angle / 360.0)
+        assert begin == pytest.approx(along * 40.0 / 360.0)
