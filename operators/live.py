@@ -84,6 +84,12 @@ _OWN_SETTINGS = (
     "exposure_count",
     "exposure_duration",
     "exposure_spacing",
+    "gate_angle",
+    "use_flash",
+    "flash_curtain",
+    "flash_share",
+    "flash_duration",
+    "flash_count",
 )
 _EFFECT_SETTINGS = {
     f"potmesil_camera.effects.{name}": ("use", *(item.name for item in fields(kind)))

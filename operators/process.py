@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from ..potmesil_addon.shutter import ShutterAttributes, Slit
+from ..potmesil_addon.shutter import Flash, ShutterAttributes, Slit
 from . import kernels
 from .composite import composite, refuse_unready
 from .effects import scene_effects
@@ -288,7 +288,7 @@ def panel_shutter(scene: bpy.types.Scene) -> ShutterAttributes:
     """Return the exposure of a scene with nothing left open.
 
     A curve, an opening or a slit that is gone from the panel must not come back from the samples file:
-    one opening is an empty tuple, and all of the film at once a slit of width 1.
+    one opening is an empty tuple, all of the film at once a slit of width 1, and no flash one without light.
     """
     said = scene_exposure(scene)
     return replace(
@@ -297,4 +297,5 @@ def panel_shutter(scene: bpy.types.Scene) -> ShutterAttributes:
         openings=said.openings or (),
         blade_time=said.blade_time or 0.0,
         slit=said.slit or Slit(width=1.0),
+        flash=said.flash or Flash(share=0.0),
     )

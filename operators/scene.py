@@ -17,7 +17,15 @@ from ..potmesil_addon.frames import frame_path
 from ..potmesil_addon.lens import Lens, circle_of_confusion_at_infinity
 from ..potmesil_addon.paths import thinned
 from ..potmesil_addon.preflight import SceneFacts
-from ..potmesil_addon.shutter import Curve, ShutterAttributes, ShutterPosition, Slit, even_openings
+from ..potmesil_addon.shutter import (
+    Curve,
+    Flash,
+    ShutterAttributes,
+    ShutterPosition,
+    Slit,
+    even_openings,
+    rotary_slit,
+)
 from ..potmesil_addon.surfaces import SurfaceKind
 from . import compat
 from .stage import stage_scene
@@ -318,13 +326,31 @@ def scene_exposure(scene: bpy.types.Scene) -> ShutterAttributes:
     slit = said.slit if own.shutter_kind == "whole" else None
     if own.shutter_kind == "focal_plane":
         slit = Slit(own.slit_edge, own.slit_width)
+    elif own.shutter_kind == "rotary":
+        frames, slit = rotary_slit(scene.render.motion_blur_shutter, own.gate_angle, own.slit_edge)
+        seconds = frames * scene.render.fps_base / scene.render.fps
+        said = replace(said, frames=frames, exposure_time=seconds)
     openings = None
     if own.exposure_count > 1:
         # A spacing below the duration is one exposure right after the other.
         spacing = max(own.exposure_spacing, own.exposure_duration)
         openings = even_openings(own.exposure_count, own.exposure_duration, spacing)
     blade_time = own.blade_time if own.shutter_kind == "between_lens" else None
-    return replace(said, openings=openings, blade_time=blade_time, slit=slit)
+    flash = None
+    if own.use_flash and not _is_slit(slit):
+        flash = Flash(
+            own.flash_curtain,
+            own.flash_share,
+            # Longer, and flashes would be one after the other.
+            min(own.flash_duration, 1.0 / own.flash_count),
+            own.flash_count,
+        )
+    return replace(said, openings=openings, blade_time=blade_time, slit=slit, flash=flash)
+
+
+def _is_slit(slit: Slit | None) -> bool:
+    """Return whether the film is uncovered bit by bit, so that no flash lights all of it."""
+    return slit is not None and slit.width < 1.0
 
 
 def _shutter_curve(mapping: bpy.types.CurveMapping) -> Curve | None:

@@ -14,6 +14,7 @@ from .errors import InputError, SettingsError
 from .keys import parse_keys
 
 _OFF: Final = "off"
+_HUGE: Final = 1e300
 _FLAGS: Final = {"on": True, "true": True, _OFF: False, "false": False}
 
 Values = dict[str, dict[str, Any] | None]
@@ -84,7 +85,7 @@ def read_effects(path: Path) -> Values:
         If there is no such effect or field, or it cannot have the value.
     """
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
+        values = json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InputError(f"'{path}' cannot be read: {error.strerror}.") from None
     except (ValueError, RecursionError):
@@ -171,10 +172,16 @@ def _from_text(name: str, text: str, item: Field[Any], frame: int | None) -> Any
             if isinstance(error, SettingsError):
                 raise
             raise SettingsError(f"{name} is three numbers such as 1,0.9,0.8, not '{text}'.") from None
-    value = parse_keys(text).at(frame)
-    # Between keys whole numbers step.
-    whole = isinstance(item.default, int) and "=" in text
-    return _from_json(name, math.floor(value) if whole else value, item)
+    try:
+        keys = parse_keys(text)
+    except SettingsError as error:
+        raise SettingsError(f"{name}: {error}") from None
+    if isinstance(item.default, int):
+        for value in keys.values:
+            _from_json(name, value, item)
+        # Between keys whole numbers step.
+        return _from_json(name, math.floor(keys.at(frame)), item)
+    return _from_json(name, keys.at(frame), item)
 
 
 def _from_json(name: str, value: Any, item: Field[Any]) -> Any:
@@ -182,7 +189,7 @@ def _from_json(name: str, value: Any, item: Field[Any]) -> Any:
     about = item.metadata
     wrong = SettingsError(f"{name} cannot be {value!r}.")
     if "least" in about:
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        if not _is_number(value):
             raise wrong
         if isinstance(item.default, int):
             if not (math.isfinite(value) and float(value).is_integer()):
@@ -194,11 +201,17 @@ def _from_json(name: str, value: Any, item: Field[Any]) -> Any:
         if not isinstance(value, bool):
             raise wrong
     elif "color" in about:
-        numbers = isinstance(value, list) and all(isinstance(v, int | float) for v in value)
-        if not numbers:
+        if not isinstance(value, list) or not all(map(_is_number, value)):
             raise wrong
         value = tuple(float(v) for v in value)
     elif not isinstance(value, str):
         raise wrong
     check_value(name, value, item)
     return value
+
+
+def _is_number(value: Any) -> bool:
+    """Return whether a value is a number that a float can hold; Python's whole numbers have no end."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return isinstance(value, float) or abs(value) < _HUGE

@@ -112,6 +112,7 @@ def shutter(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     column = layout.column(align=True)
     column.prop(scene.render, "motion_blur_position", text="Position")
     column.prop(scene.render, "motion_blur_shutter", text="Shutter")
+    column.prop(scene.potmesil_camera, "shutter_angle", text="Angle")
 
 
 def limits(layout: bpy.types.UILayout, context: bpy.types.Context, item: bpy.types.Object | None) -> None:

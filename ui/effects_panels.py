@@ -316,8 +316,9 @@ def brightness(scene: bpy.types.Scene) -> float | None:
         Stops, tint left out: ``normal_ev - density - log2(N^2 / t) + log2(S / 100)`` with f-stop N,
         exposure time t in seconds and ISO speed S.
     """
-    camera, render = scene.camera, scene.render
-    time = render.motion_blur_shutter * render.fps_base / render.fps
+    camera, said = scene.camera, adapter.scene_exposure(scene)
+    # As long as a slit uncovers a point of the film.
+    time = (said.exposure_time or 0.0) * (1.0 if said.slit is None else said.slit.width)
     if camera is None or camera.type != "CAMERA" or time <= 0.0:
         return None
     own = scene.potmesil_camera.effects.exposure

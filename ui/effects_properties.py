@@ -190,8 +190,8 @@ class PotmesilVignetting(bpy.types.PropertyGroup):
     )
     mechanical: bpy.props.FloatProperty(
         name="Cat's Eye",
-        description="How far apart the two ends of the lens's barrel are seen from the corners, in diameters of "
-        "the aperture",
+        description="How far apart the two ends of the lens's barrel are seen from the corners, in diameters "
+        "of the aperture",
         min=0.0,
         max=1.0,
         default=0.0,

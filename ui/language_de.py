@@ -712,6 +712,64 @@ GERMAN: dict[str, str] = {
     "Blades in the lens open and close the aperture, so that its radius varies with time": (
         "Lamellen im Objektiv öffnen und schließen die Blende, so dass ihr Radius sich mit der Zeit ändert"
     ),
+    "Angle": "Winkel",
+    "From": "Von",
+    "A flash needs all of the film uncovered at once; leave out the slit, or the flash.": (
+        "Ein Blitz braucht den ganzen Film auf einmal frei; lassen Sie den Schlitz weg, oder den Blitz."
+    ),
+    "The blades are never open for a flash; shorten their time.": (
+        "Die Lamellen sind für einen Blitz nie offen; verkürzen Sie ihre Zeit."
+    ),
+    "Rotary Disc": "Umlaufblende",
+    (
+        "A disc with an opening turns once a frame before the gate, whose sides it uncovers one after the "
+        "other"
+    ): (
+        "Eine Scheibe mit einer Öffnung dreht sich einmal je Bild vor dem Bildfenster, dessen Seiten sie "
+        "nacheinander freigibt"
+    ),
+    "Shutter Angle": "Sektorenblende",
+    ("Blender's own Shutter as the opening of a disc that turns once a frame; to animate it, key Shutter"): (
+        "Blenders eigener Verschluss als Öffnung einer Scheibe, die sich einmal je Bild dreht; animiert wird "
+        "er über Verschluss"
+    ),
+    "Gate Angle": "Fensterwinkel",
+    ("Angle of the film gate as seen from the disc's axis: its last side is exposed by so much later"): (
+        "Winkel des Bildfensters von der Achse der Scheibe aus: um so viel später wird seine letzte Seite "
+        "belichtet"
+    ),
+    "Flash": "Blitz",
+    ("Light the scene with flashes while the shutter is open. Their light falls on everything alike"): (
+        "Die Szene mit Blitzen beleuchten, solange der Verschluss offen ist. Ihr Licht fällt auf alles gleich"
+    ),
+    "Curtain": "Vorhang",
+    "With which end of the exposure the flash is in step": (
+        "Mit welchem Ende der Belichtung der Blitz zusammenfällt"
+    ),
+    "First Curtain": "Erster Vorhang",
+    "When the shutter has opened: trails run ahead of what moves": (
+        "Wenn der Verschluss offen ist: Spuren eilen dem Bewegten voraus"
+    ),
+    "Second Curtain": "Zweiter Vorhang",
+    "Before the shutter closes: trails follow what moves": (
+        "Bevor der Verschluss schließt: Spuren folgen dem Bewegten"
+    ),
+    "Flash Light": "Blitzlicht",
+    "Share of the exposure's light that comes from flashes; the rest is ambient": (
+        "Anteil des Lichts der Belichtung, der von Blitzen kommt; der Rest ist Umgebungslicht"
+    ),
+    "Share of Light": "Lichtanteil",
+    "Flash Duration": "Blitzdauer",
+    "How long a flash lasts, in units of the shutter time": (
+        "Wie lange ein Blitz dauert, in Einheiten der Verschlusszeit"
+    ),
+    "Flashes": "Blitze",
+    "More than one is a strobe, evenly over the exposure": (
+        "Mehr als einer ist ein Stroboskop, gleichmäßig über die Belichtung"
+    ),
+    "A slit uncovers a part of the film only: no flash fires.": (
+        "Ein Schlitz gibt nur einen Teil des Films frei: kein Blitz wird ausgelöst."
+    ),
     "Slit From": "Schlitz von",
     "The side of the picture that the slit exposes first": (
         "Die Seite des Bildes, die der Schlitz zuerst belichtet"

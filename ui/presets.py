@@ -93,6 +93,12 @@ class POTMESIL_OT_add_shutter_preset(AddPresetBase, bpy.types.Operator):
         "settings.slit_edge",
         "settings.slit_width",
         "settings.blade_time",
+        "settings.gate_angle",
+        "settings.use_flash",
+        "settings.flash_curtain",
+        "settings.flash_share",
+        "settings.flash_duration",
+        "settings.flash_count",
     )
 
 

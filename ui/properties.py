@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import bpy
 
 from .effects_properties import PotmesilEffects
 from .translations import OWN
+
+
+def _shutter_angle(self: PotmesilSceneSettings) -> float:
+    return 2.0 * math.pi * float(self.id_data.render.motion_blur_shutter)
+
+
+def _set_shutter_angle(self: PotmesilSceneSettings, angle: float) -> None:
+    self.id_data.render.motion_blur_shutter = angle / (2.0 * math.pi)
 
 
 class PotmesilSceneSettings(bpy.types.PropertyGroup):
@@ -106,8 +116,34 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
                 "Between the Lens",
                 "Blades in the lens open and close the aperture, so that its radius varies with time",
             ),
+            (
+                "rotary",
+                "Rotary Disc",
+                "A disc with an opening turns once a frame before the gate, whose sides it uncovers one "
+                "after the other",
+            ),
         ),
         default="whole",
+    )
+    shutter_angle: bpy.props.FloatProperty(
+        name="Shutter Angle",
+        description="Blender's own Shutter as the opening of a disc that turns once a frame; to animate it, "
+        "key Shutter",
+        get=_shutter_angle,
+        set=_set_shutter_angle,
+        min=0.0,
+        soft_max=2.0 * math.pi,
+        subtype="ANGLE",
+        options=set(),
+    )
+    gate_angle: bpy.props.FloatProperty(
+        name="Gate Angle",
+        description="Angle of the film gate as seen from the disc's axis: its last side is exposed by so "
+        "much later",
+        min=0.0,
+        max=math.pi,
+        default=math.radians(30.0),
+        subtype="ANGLE",
     )
     slit_edge: bpy.props.EnumProperty(
         name="Slit From",
@@ -162,6 +198,47 @@ class PotmesilSceneSettings(bpy.types.PropertyGroup):
         default=0.4,
         precision=3,
         step=1,
+    )
+    use_flash: bpy.props.BoolProperty(
+        name="Flash",
+        description="Light the scene with flashes while the shutter is open. Their light falls on everything "
+        "alike",
+        default=False,
+    )
+    flash_curtain: bpy.props.EnumProperty(
+        name="Curtain",
+        description="With which end of the exposure the flash is in step",
+        items=(
+            ("first", "First Curtain", "When the shutter has opened: trails run ahead of what moves"),
+            ("second", "Second Curtain", "Before the shutter closes: trails follow what moves"),
+        ),
+        default="second",
+    )
+    flash_share: bpy.props.FloatProperty(
+        name="Flash Light",
+        description="Share of the exposure's light that comes from flashes; the rest is ambient",
+        min=0.0,
+        max=1.0,
+        default=0.5,
+        subtype="FACTOR",
+    )
+    flash_duration: bpy.props.FloatProperty(
+        name="Flash Duration",
+        description="How long a flash lasts, in units of the shutter time",
+        min=0.0001,
+        max=1.0,
+        soft_max=0.1,
+        default=0.01,
+        precision=4,
+        step=1,
+    )
+    flash_count: bpy.props.IntProperty(
+        name="Flashes",
+        description="More than one is a strobe, evenly over the exposure",
+        min=1,
+        max=1000,
+        soft_max=20,
+        default=1,
     )
     sampling: bpy.props.EnumProperty(
         name="Samples",

@@ -10,7 +10,7 @@ from bpy.app.translations import pgettext_n as n_
 
 from ..operators import compat
 from ..operators.cost import RenderCounts, render_counts
-from ..operators.scene import RENDERED_TYPES, uses_reflections
+from ..operators.scene import RENDERED_TYPES, scene_exposure, uses_reflections
 from ..operators.surfaces import surface_of
 from ..potmesil_addon.surfaces import SurfaceKind
 from . import draw, presets
@@ -86,11 +86,41 @@ class POTMESIL_PT_shutter(_RenderPanel, bpy.types.Panel):
         if own.shutter_kind == "focal_plane":
             column.prop(own, "slit_edge")
             column.prop(own, "slit_width")
+        elif own.shutter_kind == "rotary":
+            column.prop(own, "slit_edge", text="From")
+            column.prop(own, "gate_angle")
         elif own.shutter_kind == "between_lens":
             column.prop(own, "blade_time")
         elif scene.render.engine == "CYCLES":
             _rolling_shutter(column, compat.cycles_settings(scene))
         layout.prop(own, "motion_model")
+
+
+class POTMESIL_PT_flash(_RenderPanel, bpy.types.Panel):
+    """Flashes beside the ambient light."""
+
+    bl_label = "Flash"
+    bl_parent_id = "POTMESIL_PT_shutter"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Draw the switch of the flash."""
+        self.layout.prop(context.scene.potmesil_camera, "use_flash", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw when it fires, and how much light it gives."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = True
+        own = context.scene.potmesil_camera
+        layout.active = own.use_motion and own.use_flash
+        layout.prop(own, "flash_curtain")
+        layout.prop(own, "flash_share", text="Share of Light")
+        column = layout.column(align=True)
+        column.prop(own, "flash_duration", text="Duration")
+        column.prop(own, "flash_count")
+        if own.use_flash and scene_exposure(context.scene).flash is None:
+            draw.sentence(layout, context, "A slit uncovers a part of the film only: no flash fires.", "INFO")
 
 
 class POTMESIL_PT_shutter_curve(_RenderPanel, bpy.types.Panel):
@@ -284,6 +314,7 @@ class POTMESIL_PT_render_check(_RenderPanel, CheckPanel, bpy.types.Panel):
 CLASSES = (
     POTMESIL_PT_render,
     POTMESIL_PT_shutter,
+    POTMESIL_PT_flash,
     POTMESIL_PT_shutter_curve,
     POTMESIL_PT_quality,
     POTMESIL_PT_printer,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -141,6 +142,37 @@ def test_rolling_shutter_is_cycles_own(scene: Any, settings: Any) -> None:
     assert slit_of(settings)[1] == 1.0
 
 
+def test_the_shutter_angle_is_blenders_shutter(scene: Any) -> None:
+    own, render = scene.potmesil_camera, scene.render
+    render.motion_blur_shutter = 0.48
+    assert math.degrees(own.shutter_angle) == pytest.approx(172.8)
+    own.shutter_angle = math.radians(90.0)
+    assert render.motion_blur_shutter == pytest.approx(0.25)
+
+
+def test_a_rotary_disc_exposes_longer_in_all_and_each_row_as_long(scene: Any, settings: Any) -> None:
+    own = scene.potmesil_camera
+    own.shutter_kind, own.gate_angle, own.slit_edge = "rotary", math.radians(36.0), "left"
+    shutter = resolved(settings)
+    assert shutter.frames == pytest.approx(0.6)
+    assert slit_of(settings) == ("left", pytest.approx(0.5 / 0.6))
+
+
+def test_flashes(scene: Any, settings: Any) -> None:
+    own = scene.potmesil_camera
+    assert resolved(settings).flash.share == 0.0
+    own.use_flash, own.flash_curtain, own.flash_share = True, "first", 0.25
+    own.flash_duration, own.flash_count = 0.5, 4
+    flash = resolved(settings).flash
+    # Longer than a quarter and they would overlap.
+    assert (flash.curtain, flash.share, flash.duration, flash.count) == ("first", 0.25, 0.25, 4)
+    for kind, fires in (("focal_plane", False), ("rotary", False), ("between_lens", True), ("whole", True)):
+        own.shutter_kind = kind
+        assert (resolved(settings).flash.share > 0.0) == fires
+    scene.cycles.rolling_shutter_type = "TOP"
+    assert resolved(settings).flash.share == 0.0
+
+
 def test_what_is_off_in_the_panel_does_not_come_back_from_the_file(settings: Any, module: Any) -> None:
     shutter = module("potmesil_addon.shutter")
     file = shutter.ShutterAttributes(
@@ -149,12 +181,14 @@ def test_what_is_off_in_the_panel_does_not_come_back_from_the_file(settings: Any
         openings=((0.0, 0.5),),
         blade_time=0.5,
         slit=shutter.Slit("left", 0.1),
+        flash=shutter.Flash(),
     )
     used = settings().shutter.over(file).resolve()
     assert used.frames == pytest.approx(0.5)
     assert used.openings == ()
     assert used.blade_time == 0.0
     assert used.slit is None or used.slit.width == 1.0
+    assert used.flash.share == 0.0
 
 
 KEYED = [
@@ -167,6 +201,9 @@ KEYED = [
     ("exposure_count", 1, 5),
     ("exposure_duration", 0.25, 0.5),
     ("exposure_spacing", 0.5, 1.5),
+    ("gate_angle", 0.25, 1.5),
+    ("flash_share", 0.25, 0.75),
+    ("flash_count", 1, 5),
     ("uniform_defocus", 0.0, 2.0),
     ("fade", 0.0, 1.0),
 ]

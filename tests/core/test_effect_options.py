@@ -79,6 +79,8 @@ WRONG = {
     "star.lines": "no value",
     "star.lines=2.5": "whole number",
     "star.lines=9": "from 1 to 8",
+    "star.lines=1=2.5": "whole number",
+    "star.rotation=": "star.rotation",
     "star.rotation=nan": "finite",
     "star.strength=x": "neither a number",
     "star.groove_width=0": "from 1 to 10000 um",
@@ -120,6 +122,9 @@ def test_a_file_holds_what_people_type(tmp_path: Path) -> None:
         ('{"diffraction": {"spectral": 1}}', SettingsError, "cannot be"),
         ('{"pupil": {"image": 1}}', SettingsError, "cannot be"),
         ('{"lens": {}}', SettingsError, "no effect"),
+        ('{"star": {"lines": 1%s}}' % ("0" * 400), SettingsError, "cannot be"),
+        ('{"star": {"strength": 1%s}}' % ("0" * 400), SettingsError, "cannot be"),
+        ('{"exposure": {"tint": [true, 1, 1]}}', SettingsError, "cannot be"),
     ],
 )
 def test_wrong_files_are_refused(tmp_path: Path, text: str, error: type[Exception], match: str) -> None:
