@@ -10,6 +10,7 @@ from . import (
     demo,
     depth_of_field,
     diffraction,
+    effects,
     lens_law,
     magnet,
     mirror,
@@ -33,4 +34,5 @@ FIGURES: tuple[Figure, ...] = (
     *magnet.FIGURES,
     *mirror.FIGURES,
     *today.FIGURES,
+    *effects.FIGURES,
 )

@@ -111,6 +111,11 @@ class KeptTables:
         self._tables: OrderedDict[Hashable, RowDifferences] = OrderedDict()
         self._bytes = 0
 
+    def clear(self) -> None:
+        """Forget all tables."""
+        self._tables.clear()
+        self._bytes = 0
+
     def get(self, key: Hashable, make: Callable[[], RowDifferences]) -> RowDifferences:
         """Return the table of a key, made where it is not kept."""
         kept = self._tables.get(key)

@@ -21,6 +21,12 @@ _GRANULARITY_APERTURE: Final = 48e-6
 _MANY: Final = 1000.0
 """Mean of a Poisson distribution from which it is taken for a normal one; its skewness is then 0.03."""
 
+_MOST_DEVIATION: Final = 0.5
+"""Most that density deviates from pixel to pixel."""
+
+_TOO_BRIGHT: Final = 1e30
+"""Light from which its electrons are more than single precision has."""
+
 _BAND: Final = 128
 """Rows at a time: random numbers in double precision would be the most memory of all."""
 
@@ -84,14 +90,17 @@ def add_noise(picture: Float32Array, noise: SensorNoise, sensitivity: float, fra
     noisy = picture.copy()
     for first in range(0, picture.shape[0], _BAND):
         band = noisy[first : first + _BAND]
-        mean = band[..., :3] * electrons
+        # What is too bright to count stays as it is.
+        countable = np.abs(band[..., :3]) < _TOO_BRIGHT
+        mean = np.where(countable, band[..., :3], np.float32(0.0)) * electrons
         # Light below 0, which a filter may leave, has no photons to count.
         counted = np.maximum(mean, 0.0)
         spread = random.standard_normal(mean.shape, dtype=np.float32) * np.sqrt(counted)
         few = counted < _MANY
         spread[few] = random.poisson(counted[few]) - counted[few]
         read = random.standard_normal(mean.shape, dtype=np.float32) * np.float32(noise.read_noise)
-        band[..., :3] = (mean + spread + read * band[..., 3:]) / electrons
+        counted = (mean + spread + read * band[..., 3:]) / electrons
+        np.copyto(band[..., :3], counted, where=countable)
     return noisy
 
 
@@ -123,6 +132,8 @@ def add_grain(picture: Float32Array, grain: FilmGrain, film: Film, frame: int) -
     rows, columns = picture.shape[:2]
     transfer, deviation = _grain_filter(rows, columns, film.pitch_x, film.pitch_y, grain.size)
     scale = grain.granularity / 1000.0
+    # Of a density that varies by more from pixel to pixel hardly any would let light through.
+    scale = min(scale, _MOST_DEVIATION / deviation)
     random = _generator(grain.seed, frame)
 
     def field() -> Float32Array:

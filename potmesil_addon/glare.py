@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -22,10 +22,10 @@ from .aperture import polygon_vertices
 from .camera import Film
 from .effects import Diffraction, Effects, ImageFilter, Pupil, StarFilter
 from .errors import SettingsError
-from .images import read_image
+from .images import on_change, read_image
 from .lens import FloatArray, Lens
 from .psf import PRIMARY_WAVELENGTHS
-from .pupil import transmission
+from .pupil import blade_arc, outline, transmission
 from .samples import Float32Array
 from .spectrum import primaries_of_wavelengths
 
@@ -38,14 +38,17 @@ _PADDINGS: Final = (2, 4, 8, 16)
 _MOST_SIDE: Final = 4096
 """Samples of a pattern, each way, unless the fewest are more."""
 
-_TRUE: Final = 0.75
-"""Share of these up to which cells of the aperture tell the pattern; farther out only edges are followed."""
+_TRUE: Final = 0.5
+"""Share of these up to which cells of the aperture tell the pattern. Farther out its rim does."""
 
 _LEAST_SHARE: Final = 2e-3
 """Share of a primary below which a wavelength is left out."""
 
 _FADE: Final = 0.7
 """Share of the reach from which a function fades out to its end, so that no square is seen."""
+
+_LEAST_KEPT: Final = 0.25
+"""Share of an even picture's light below which a border is not brightened further."""
 
 _STEPS_PER_PIXEL: Final = 4
 """Points of a streak for each pixel."""
@@ -85,7 +88,8 @@ def glare(
     """Spread the light of a picture by the aperture's diffraction, a star filter and a picture.
 
     An even picture stays even to its border: what leaves it is given back by dividing by the share that
-    stays, as the focus processor does. Beyond the border nothing is known of lights.
+    stays, as the focus processor does. Beyond the border nothing is known of lights. A function reaches half
+    of the picture's longer side, where it fades out; the little that it has beyond is given to the rest.
 
     Parameters
     ----------
@@ -112,6 +116,8 @@ def glare(
     ------
     InputError
         If a picture cannot be read.
+    SettingsError
+        If a picture is black.
     """
     rows, columns = picture.shape[:2]
     diffraction, star, image = effects.diffraction, effects.star, effects.image_filter
@@ -204,8 +210,10 @@ def _spread(
         transfer[n] = all_of_it - np.float32(still)
         stays[n] = still
         kept[n] = fft.irfft2(even * transfer[n], shape, workers=-1)[:rows, :columns] + np.float32(still)
-        # A coloured picture may have more of one primary than it gets.
-        kept[n] /= np.float32(still) + transfer[n, 0, 0].real
+        # A coloured picture may have more of one primary than it gets, or none.
+        all_light = float(np.float32(still) + transfer[n, 0, 0].real)
+        kept[n] /= all_light if all_light > _LEAST_KEPT else 1.0
+        np.clip(kept[n], _LEAST_KEPT if all_light > _LEAST_KEPT else 1.0, None, out=kept[n])
     return _Spread(shape, transfer, stays, kept)
 
 
@@ -275,8 +283,13 @@ def _diffraction_function(
             if share[n] != 0.0:
                 half[n] += share[n] * light
     function = np.concatenate([half[:, :0:-1, ::-1], half], axis=1)
-    if not lens.is_round and (pupil is None or pupil == Pupil(obstruction=pupil.obstruction)):
-        _add_edges(function, grid, iris, wavelengths, shares, (scale_x, scale_y, 0.5 * _TRUE * cells))
+    scales = scale_x, scale_y, 0.5 * _TRUE * cells
+    if pupil is None or replace(pupil, obstruction=0.0, blade_curvature=0.0) == Pupil():
+        curvature = 1.0 if lens.is_round else 0.0 if pupil is None else pupil.blade_curvature
+        if curvature > 0.0:
+            _add_rim(function, grid, iris, curvature, wavelengths, shares, scales)
+        else:
+            _add_edges(function, grid, iris, wavelengths, shares, scales)
     return _normalised(function, grid)
 
 
@@ -320,6 +333,44 @@ def _between(total: Any, borders: FloatArray, axis: int) -> Any:
     part = part[:, np.newaxis] if axis == 0 else part
     at = np.take(total, below, axis=axis)
     return np.diff(at + part * (np.take(total, below + 1, axis=axis) - at), axis=axis)
+
+
+def _add_rim(
+    function: FloatArray,
+    grid: _Grid,
+    iris: Lens,
+    curvature: float,
+    wavelengths: FloatArray,
+    shares: FloatArray,
+    scales: tuple[float, float, float],
+) -> None:
+    """Add what a round rim diffracts beyond the reach of its pattern, on the mean over rings.
+
+    Far out Airy's pattern has 1 / (pi u)^3 of the light for each unit of area, in units of wavelength times
+    f-stop: half of it from either of the two places whose normals point there. The light of an arc is
+    proportional to its radius, and there where it has normals.
+    """
+    scale_x, scale_y, begin = scales
+    x = np.arange(-grid.across, grid.across + 1) * (grid.pitch_x / scale_x)
+    y = np.arange(-grid.down, grid.down + 1)[:, np.newaxis] * (grid.pitch_y / scale_y)
+    # A pixel has the light of those wavelengths whose pattern ends before it, all of them in proportion.
+    ended = np.searchsorted(begin * wavelengths, np.maximum(np.abs(x), np.abs(y)))
+    radius = np.hypot(x, y)
+    area = grid.pitch_x / scale_x * grid.pitch_y / scale_y
+    light = np.divide(area, (math.pi * radius) ** 3, out=np.zeros_like(radius), where=ended > 0)
+    if curvature < 1.0:
+        bend, arc = blade_arc(iris.blades, curvature)
+        rim = outline(iris, Pupil(blade_curvature=curvature))
+        around = np.roll(rim, -1, axis=0)
+        enclosed = 0.5 * float(np.sum(rim[:, 0] * around[:, 1] - rim[:, 1] * around[:, 0]))
+        # Rows count downwards. Normals repeat with the blades; those of the other side are seen from behind.
+        turned, step = np.arctan2(-y, x) - iris.blade_rotation, 2.0 * math.pi / iris.blades
+        places = sum(
+            np.abs((turned + side + 0.5 * step) % step - 0.5 * step) < arc for side in (0.0, math.pi)
+        )
+        light *= places * (0.5 * bend * math.pi / enclosed)
+    for n in range(3):
+        function[n] += np.append(0.0, np.cumsum(wavelengths * shares[:, n]))[ended] * light
 
 
 def _add_edges(
@@ -439,3 +490,7 @@ def _image_function(grid: _Grid, columns: int, image: ImageFilter) -> FloatArray
     if not total > 0.0:
         raise SettingsError(f"'{image.image}' is black; choose a picture with light in it.")
     return np.asarray(function / total)
+
+
+on_change(_spread.cache_clear)
+on_change(_pattern.cache_clear)

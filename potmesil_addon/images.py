@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,6 +17,10 @@ MOST_SIDE: Final = 4096
 """Columns or rows of the largest picture that is read."""
 
 _GREY: Final = 0.04045
+"""sRGB value up to which the curve is straight."""
+
+_STAMPS: Final[dict[str, tuple[int, int]]] = {}
+_FORGET: Final[list[Callable[[], None]]] = []
 
 
 def read_image(path: Path) -> Float32Array:
@@ -52,6 +57,31 @@ def read_image(path: Path) -> Float32Array:
         raise InputError(f"The picture '{path}' cannot be read: {reason}") from None
     light = np.nan_to_num(values.astype(np.float32), nan=0.0, posinf=0.0, neginf=0.0)
     return np.asarray(light, dtype=np.float32)
+
+
+def on_change(forget: Callable[[], None]) -> None:
+    """Have something called when a picture is another one than it was, so that nothing of it is kept."""
+    _FORGET.append(forget)
+
+
+def look_again(paths: Iterable[str]) -> None:
+    """Find out whether pictures that were read before have been changed since.
+
+    Parameters
+    ----------
+    paths : iterable of str
+        Pictures about to be used; empty ones do not count.
+    """
+    for path in filter(None, paths):
+        try:
+            facts = Path(path).stat()
+        except OSError:
+            continue
+        stamp = facts.st_mtime_ns, facts.st_size
+        if _STAMPS.setdefault(path, stamp) != stamp:
+            _STAMPS[path] = stamp
+            for forget in _FORGET:
+                forget()
 
 
 def _check_size(path: Path, columns: int, rows: int) -> None:

@@ -18,6 +18,7 @@ from .develop import Development, develop, is_developed
 from .effects import KINDS, Effects
 from .errors import SettingsError
 from .focus import FocusReport, FocusSettings, Weighting, average_down, focus_layer, over
+from .images import look_again
 from .lens import CocModel, Lens
 from .motion import MotionModel, MotionReport, MotionSettings, expose_layer, prepare, report_of
 from .pixel_filter import filter_down
@@ -183,6 +184,7 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
         If a layer lacks its depth.
     """
     started = time.perf_counter()
+    look_again(effect.image for effect in (settings.effects.pupil, settings.effects.image_filter) if effect)
     done: list[_Layer] = []
     focus = focus_settings(samples, settings) if settings.use_lens else None
     motion = motion_settings(samples, settings) if settings.use_motion else None
@@ -204,6 +206,8 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
         guessed = np.asarray(guessed + behind.guessed * through, dtype=np.float32)
         doubt = np.asarray(doubt + behind.doubt * through, dtype=np.float32)
         picture = over(picture, behind.picture)
+    if bend is not None:
+        guessed = np.maximum(guessed, _beyond(samples, bend))
     factor, pixel_filter = samples.supersampling, samples.pixel_filter
     if pixel_filter is None or settings.visibility == "none":
         # As the papers do.
@@ -347,6 +351,14 @@ def _process_layer(
     of_guesses = _doubt_of_guesses(focused.picture, focused.guessed, compiled=uses_numba(focus.backend))
     doubt = focused.doubt + _OTHER_SURFACE * of_guesses
     return _Layer(focused.picture, focused.guessed, doubt, focused.report, motion_report)
+
+
+def _beyond(samples: Samples, bend: Bend) -> Float32Array:
+    """Return where a bent picture shows what the file has no data of: 1 there, 0 elsewhere."""
+    data, extra = samples.data_window, 1 if samples.position == "corner" else 0
+    covered = Window(data.x0, data.y0, data.x1 - extra, data.y1 - extra)
+    known = bend.values(np.ones((covered.rows, covered.columns), dtype=np.float32), covered)
+    return np.asarray(1.0 - np.clip(known, 0.0, 1.0), dtype=np.float32)
 
 
 def _doubt_of_guesses(picture: Float32Array, guessed: Float32Array, *, compiled: bool) -> Float32Array:

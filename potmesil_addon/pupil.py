@@ -27,6 +27,7 @@ from .aperture import (
     IntArray,
     RowDifferences,
     SamplePosition,
+    ellipse_rows,
     polygon_rows,
     polygon_vertices,
     widened,
@@ -34,6 +35,7 @@ from .aperture import (
 from .camera import Film
 from .effects import ChromaticAberration, Pupil, Vignetting
 from .errors import SettingsError
+from .images import on_change, read_image
 from .lens import FloatArray, Lens
 
 _ROUND: Final = 128
@@ -99,16 +101,35 @@ def outline(lens: Lens, pupil: Pupil | None = None) -> FloatArray:
     corners = polygon_vertices(lens.blades, lens.blade_rotation, 1.0)
     if curvature == 0.0:
         return corners
-    # The sagitta grows evenly from 0 to the circle's; radius and half angle of the arc follow from it.
+    radius, arc = blade_arc(lens.blades, curvature)
     half = math.pi / lens.blades
-    chord, sagitta = math.sin(half), curvature * (1.0 - math.cos(half))
-    radius = (chord * chord + sagitta * sagitta) / (2.0 * sagitta)
-    arc = math.asin(min(chord / radius, 1.0))
+    sagitta = curvature * (1.0 - math.cos(half))
     along = np.linspace(-arc, arc, 2 * math.ceil(0.5 * _ROUND / lens.blades), endpoint=False)
     x, y = radius * np.cos(along) - radius + math.cos(half) + sagitta, radius * np.sin(along)
     middle = lens.blade_rotation + 2.0 * math.pi * np.arange(lens.blades)[:, np.newaxis] / lens.blades
     turned = np.stack([np.cos(middle) * x - np.sin(middle) * y, np.sin(middle) * x + np.cos(middle) * y], 2)
     return np.asarray(turned.reshape(-1, 2))
+
+
+def blade_arc(blades: int, curvature: float) -> tuple[float, float]:
+    """Return the radius of a curved blade's rim, and half of the angle by which it turns.
+
+    Parameters
+    ----------
+    blades : int
+        At least 3.
+    curvature : float
+        Greater than 0, up to 1: the sagitta grows evenly from 0 to the circle's.
+
+    Returns
+    -------
+    tuple of float
+        In pupil coordinates, and in radians.
+    """
+    half = math.pi / blades
+    chord, sagitta = math.sin(half), curvature * (1.0 - math.cos(half))
+    radius = (chord * chord + sagitta * sagitta) / (2.0 * sagitta)
+    return radius, math.asin(min(chord / radius, 1.0))
 
 
 def transmission(lens: Lens, pupil: Pupil | None, size: int, barrel: Barrel | None = None) -> FloatArray:
@@ -140,6 +161,9 @@ def transmission(lens: Lens, pupil: Pupil | None, size: int, barrel: Barrel | No
         clear = _picture(pupil.image, size)
         if barrel is not None:
             clear = clear * _covered([(_opening(barrel), 1.0)], size)
+    elif barrel is None and (lens.is_round or pupil.blade_curvature == 1.0):
+        # Without corners, which would diffract.
+        clear = np.clip(_round_cells(1.0, size) - _round_cells(pupil.obstruction, size), 0.0, 1.0)
     else:
         clear = _covered(_shapes(lens, pupil, barrel), size)
     if pupil.apodisation > 0.0:
@@ -442,6 +466,17 @@ def _area(polygon: FloatArray) -> float:
     return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
 
+def _round_cells(radius: float, size: int) -> FloatArray:
+    """Return which share of each cell a disc around the middle covers."""
+    covered = np.zeros((size, size))
+    if radius > 0.0:
+        table = ellipse_rows(0.5 * radius * size, 0.5 * radius * size, "corner").dense()[0]
+        first = size // 2 - table.shape[0] // 2
+        inside = slice(first, first + table.shape[0])
+        covered[inside, inside] = table * (math.pi * (0.5 * radius * size) ** 2)
+    return covered
+
+
 def _covered(shapes: list[tuple[FloatArray, float]], size: int) -> FloatArray:
     """Return which share of each cell shapes cover."""
     covered = np.zeros((size, size))
@@ -468,8 +503,6 @@ def _kept_transmission(lens: Lens, pupil: Pupil | None, size: int, barrel: Barre
 @functools.lru_cache(maxsize=8)
 def _picture(path: str, size: int) -> FloatArray:
     """Return the brightness of an aperture's picture, 1 where it is brightest, over the square."""
-    from .images import read_image  # noqa: PLC0415 - only who asks for a picture needs it
-
     grey = read_image(Path(path)).astype(np.float64).mean(axis=2)
     grey = np.clip(grey, 0.0, None)
     if not grey.max() > 0.0:
@@ -477,6 +510,11 @@ def _picture(path: str, size: int) -> FloatArray:
     zoomed = ndimage.zoom(grey, (size / grey.shape[0], size / grey.shape[1]), order=1, grid_mode=True,
                           mode="nearest")  # fmt: skip
     return np.asarray(zoomed / zoomed.max())
+
+
+on_change(_picture.cache_clear)
+on_change(_kept_transmission.cache_clear)
+on_change(KEPT_TABLES.clear)
 
 
 def _boxes(

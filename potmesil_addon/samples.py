@@ -252,7 +252,7 @@ class Samples:
     attributes: dict[str, Any] = field(default_factory=dict)
 
     def showing(self, window: Window) -> Samples:
-        """Return the same samples for a picture on another window, their border carried on to cover it.
+        """Return the same samples for a picture on another window, mirrored at their border to cover it.
 
         Parameters
         ----------
@@ -273,7 +273,7 @@ class Samples:
 
             def carried_on(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
                 widths = [*zip(before, after, strict=True), *[(0, 0)] * (values.ndim - 2)]
-                return np.pad(values, widths, mode="edge")
+                return np.pad(values, widths, mode="symmetric")
 
             layers = tuple(layer.mapped(carried_on) for layer in layers)
         left, above = window.x0 - display.x0, window.y0 - display.y0

@@ -21,6 +21,7 @@ from . import jit
 from .aperture import polygon_vertices
 from .effects import Pupil
 from .fragments import Fragments
+from .images import on_change
 from .lens import FloatArray, Lens
 from .pupil import transmission
 from .samples import Float32Array
@@ -220,6 +221,9 @@ def _cells(
         point_y[j, i] = (j + (within[i] if exact else (v[k] + 0.5) / _FINE)) / CELLS * 2.0 - 1.0
     stretch_x, stretch_y = 1.0 / anamorphic_ratio, pixel_ratio
     return ApertureCells(point_x * stretch_x, point_y * stretch_y, area, stretch_x, stretch_y)
+
+
+on_change(_cells.cache_clear)
 
 
 @dataclass(frozen=True, slots=True)

@@ -284,6 +284,9 @@ def test_lights_land_where_the_distorting_lens_puts_them(
             assert found == pytest.approx(tuple(place.tolist()), abs=0.1)
     # A barrel shows more than the pinhole did: without a margin its border is carried on.
     assert result.picture[..., 3] == pytest.approx(1.0, abs=1e-4)
+    # That is a guess, and said to be one.
+    assert (result.guessed[0, 0] == 1.0) == (margin == 0)
+    assert result.guessed[ROWS // 2, COLUMNS // 2] < 1.0
 
 
 def test_discs_stay_round_where_the_picture_is_bent() -> None:

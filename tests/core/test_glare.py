@@ -288,6 +288,29 @@ def test_a_picture_is_what_a_point_becomes(arrow: Path, turned: float) -> None:
     assert np.array(middles) == pytest.approx(np.array(wanted), abs=0.6)
 
 
+@pytest.mark.parametrize("primary", [None, 0])
+def test_a_picture_may_take_all_of_the_light(tmp_path: Path, primary: int | None) -> None:
+    """Also one whose light is far from its middle, or of one colour: no pixel is brightened without end."""
+    values = np.zeros((40, 40, 4), dtype=np.float32)
+    values[..., 3] = 1.0
+    values[2:6, 34:38, slice(0, 3) if primary is None else primary] = 1.0
+    path = tmp_path / "corner.png"
+    write_png(path, values)
+    shape = ImageFilter(str(path), strength=1.0, size=0.9)
+    picture = np.random.default_rng(0).random((SIDE, SIDE, 4)).astype(np.float32)
+    found = run(glare(picture, film(1e-5), lens(), Effects(image_filter=shape)))
+    assert np.isfinite(found).all()
+    assert found[..., :3].max() < 4.0 * (1.0 if primary is None else 3.0)
+
+
+def test_a_round_rim_goes_on_beyond_its_pattern() -> None:
+    """Past the reach of the aperture's cells the light falls with the third power of the distance."""
+    found = spread(Effects(diffraction=PRIMARIES), lens(f_stop=2.0), film(20e-6, side=401))[200, :, 1]
+    for near, far in ((60, 90), (100, 140)):
+        means = [found[200 + at - 5 : 200 + at + 6].mean() for at in (near, far)]
+        assert means[0] / means[1] == pytest.approx((far / near) ** 3, rel=0.15)
+
+
 def test_pictures_that_cannot_be_used_are_named(tmp_path: Path) -> None:
     black = tmp_path / "black.png"
     write_png(black, np.zeros((8, 8, 4), dtype=np.float32) + np.array([0, 0, 0, 1], dtype=np.float32))

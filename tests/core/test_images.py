@@ -9,7 +9,7 @@ import pytest
 
 from potmesil_addon.errors import InputError
 from potmesil_addon.exr import write_picture
-from potmesil_addon.images import MOST_SIDE, read_image
+from potmesil_addon.images import MOST_SIDE, look_again, on_change, read_image
 from potmesil_addon.png import write_png
 
 
@@ -54,3 +54,16 @@ def test_a_huge_picture_is_refused(tmp_path: Path) -> None:
     write_picture(path, picture(1, MOST_SIDE + 1), {})
     with pytest.raises(InputError, match="at most"):
         read_image(path)
+
+
+def test_a_changed_picture_is_noticed(tmp_path: Path) -> None:
+    path, times = tmp_path / "a.exr", []
+    on_change(lambda: times.append(1))
+    write_picture(path, picture(), {})
+    for _ in range(2):
+        look_again(["", str(path), str(tmp_path / "missing.exr")])
+    assert not times
+    write_picture(path, picture(4, 6), {})
+    look_again([str(path)])
+    look_again([str(path)])
+    assert len(times) == 1
