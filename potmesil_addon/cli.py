@@ -412,6 +412,8 @@ def write_result(path: Path, result: Result, samples: Samples) -> None:
         )
         if samples.shutter.frames_per_second is not None:
             attributes["expTime"] = shutter["frames"] / samples.shutter.frames_per_second
+    if result.report["effects"]:
+        attributes["potmesil:effects"] = json.dumps(result.report["effects"])
     exr.write_picture(path, result.picture, attributes)
 
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, fields
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from .effects import KINDS, UNITS, check_value
 from .errors import InputError, SettingsError
@@ -17,8 +17,8 @@ _OFF: Final = "off"
 _HUGE: Final = 1e300
 _FLAGS: Final = {"on": True, "true": True, _OFF: False, "false": False}
 
-Values = dict[str, dict[str, Any] | None]
-"""For each effect its fields in the core's units; ``None`` for one that is off."""
+# For each effect its fields in the core's units; None for one that is off.
+Values: TypeAlias = dict[str, dict[str, Any] | None]
 
 
 def with_options(base: Mapping[str, dict[str, Any] | None], said: Sequence[str], frame: int | None) -> Values:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 
 from sample_scenes.building import emitter
@@ -101,6 +103,43 @@ def test_the_printer_follows_the_panel_frame_by_frame(blend: Path, module: Any, 
     # A circle of 6 mm on a film of 36 mm is 16 of 96 pixels wide, and softens the card's edge by as much.
     row = soft[32] / sharp.max()
     assert 12 <= int(((row > 0.02) & (row < 0.98)).sum()) <= 40
+
+
+def test_effects_follow_the_panel_frame_by_frame_and_options_win(
+    blend: Path, module: Any, tmp_path: Path
+) -> None:
+    exposure = bpy.context.scene.potmesil_camera.effects.exposure
+    exposure.use = True
+    for frame, density in ((1, 1.0), (3, 3.0)):
+        exposure.density = density
+        exposure.keyframe_insert("density", frame=frame)
+    main = module("operators.command").main
+    words = ["--no-lens", "--no-motion"]
+    assert main(["render", "--frames", "1,3", *words, "--output", str(tmp_path / "a####.exr")]) == 0
+    options = ["--effect", "exposure.density=2", "--effect", "vignetting"]
+    assert main(["render", "--frames", "1", *words, *options, "--output", str(tmp_path / "b.exr")]) == 0
+    assert (
+        main(["render", "--frames", "1", *words, "--effect", "exposure=off", "-o", str(tmp_path / "c.exr")])
+        == 0
+    )
+
+    def read(name: str) -> Any:
+        return OpenEXR.File(str(tmp_path / f"{name}.exr"))
+
+    one, three, two, off = (
+        read(name).channels()["RGBA"].pixels[..., 0].max() for name in ("a0001", "a0003", "b", "c")
+    )
+    assert one / three == pytest.approx(4.0, rel=1e-3)
+    # Near the middle there is hardly any vignetting.
+    assert one / two == pytest.approx(2.0, rel=3e-2)
+    said = json.loads(read("b").header()["potmesil:effects"])
+    assert set(said) == {"exposure", "vignetting"}
+    assert said["exposure"]["normal_ev"] == pytest.approx(exposure.normal_ev)
+    assert "potmesil:effects" not in read("c").header()
+    # f/2.8 or whatever the camera has, half a frame of 24: the exposure value says by how much.
+    f_stop = bpy.context.scene.camera.data.dof.aperture_fstop
+    stops = exposure.normal_ev - 1.0 - np.log2(f_stop**2 * 48.0)
+    assert one / off == pytest.approx(2.0**stops, rel=1e-3)
 
 
 def test_keys_of_options_are_looked_up_at_each_frame(blend: Path, module: Any, tmp_path: Path) -> None:
