@@ -8,7 +8,6 @@ from typing import Any, Final
 
 import numpy as np
 import OpenEXR
-import png
 
 from .errors import InputError
 from .samples import Float32Array
@@ -106,6 +105,10 @@ def _read_exr(path: Path) -> Any:
 
 
 def _read_png(path: Path) -> Any:
+    try:
+        import png  # noqa: PLC0415 - optional: only PNG pictures need it
+    except ImportError:
+        raise InputError(f"Reading '{path}' needs the pypng package; save the picture as .exr.") from None
     with path.open("rb") as file:
         columns, rows, _, _ = png.Reader(file=file).read()
         _check_size(path, columns, rows)

@@ -34,8 +34,8 @@ PROCESS_BUTTON = (190, 97)
 LIVE_BUTTON = (70, 127)
 F_STOP = (147, 258)
 APERTURE_TITLE = (100, 430)
-CURVE_TITLE = (100, 342)
-PRINTER_TITLE = (100, 394)
+CURVE_TITLE = (100, 389)
+PRINTER_TITLE = (100, 441)
 
 
 def shot(name: str) -> None:
@@ -201,7 +201,7 @@ def shutter_panel() -> Iterator[float]:
     """Show what each kind of shutter asks for, and open and close its curve."""
     own = bpy.context.scene.potmesil_camera
     own.exposure_count = 5
-    for kind in ("focal_plane", "between_lens"):
+    for kind in ("focal_plane", "between_lens", "rotary"):
         own.shutter_kind = kind
         area("PROPERTIES").tag_redraw()
         yield 1.0
