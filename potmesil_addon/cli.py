@@ -474,9 +474,9 @@ def _add_shutter(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--shutter-gate",
-        type=float,
-        metavar="DEG",
-        help="rotary shutter: angle of the film gate as its disc's axis sees it; the last row is later by it",
+        metavar="[EDGE:]DEG",
+        help="rotary shutter: angle of the film gate as its disc's axis sees it; the side opposite to the edge "
+        "(top where none is said) is later by it",
     )
     parser.add_argument(
         "--shutter-position", choices=SHUTTER_POSITIONS, help="where the frame lies in the exposure"
@@ -519,11 +519,9 @@ def _shutter(options: argparse.Namespace) -> ShutterAttributes:
     if options.shutter_angle is not None:
         frames = options.shutter_angle / 360.0
     if options.shutter_gate is not None:
-        if frames is None or options.slit is not None or not options.shutter_gate >= 0.0:
-            raise SettingsError(
-                "--shutter-gate is an angle of 0 or more; it needs --shutter-angle or --shutter, no --slit."
-            )
-        frames, slit = rotary_slit(frames, math.radians(options.shutter_gate))
+        if frames is None or options.slit is not None:
+            raise SettingsError("--shutter-gate needs --shutter-angle or --shutter, and no --slit.")
+        frames, slit = _rotary(frames, options.shutter_gate)
     shutter = ShutterAttributes(
         frames=frames,
         position=options.shutter_position,
@@ -536,6 +534,17 @@ def _shutter(options: argparse.Namespace) -> ShutterAttributes:
     # What is wrong by itself is refused before any work starts.
     replace(shutter, frames=_default(frames, 1.0)).resolve()
     return shutter
+
+
+def _rotary(frames: float, text: str) -> tuple[float, Slit]:
+    edge, _, angle = text.rpartition(":")
+    for known in SLIT_EDGES:
+        if (edge or "top") == known:
+            with contextlib.suppress(ValueError):
+                gate = math.radians(float(angle))
+                if 0.0 <= gate <= math.pi:
+                    return rotary_slit(frames, gate, known)
+    raise SettingsError(f"'{text}' is no gate; write its angle from 0 to 180 degrees as 30 or left:30.")
 
 
 def _flash(text: str | None) -> Flash | None:

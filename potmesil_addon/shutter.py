@@ -257,6 +257,7 @@ class Shutter:
             raise SettingsError(
                 "A flash needs all of the film uncovered at once; leave out the slit, or the flash."
             )
+        self.pieces()
 
     @property
     def length(self) -> float:
@@ -358,22 +359,31 @@ class Shutter:
 
     @property
     def _flashes(self) -> Openings:
-        """Begin and end of each flash as positions in the interval."""
+        """Begin and end of each flash as positions in the interval, evenly over the time that it is open."""
         flash = self.flash
         if flash is None or flash.share == 0.0:
             return ()
-        opened = self.opened()
         # Between-the-lens shutters are in step when their blades are open.
-        begin = opened[0][0] + self.blade_time * min(opened[0][1] - opened[0][0], self._unit)
-        end = opened[-1][1] - self.blade_time * min(opened[-1][1] - opened[-1][0], self._unit)
-        spacing = (end - begin) / flash.count
-        if spacing <= 0.0:
+        opened = [
+            (begin + blades, end - blades)
+            for begin, end in self.opened()
+            for blades in [self.blade_time * min(end - begin, self._unit)]
+        ]
+        lengths = np.array([end - begin for begin, end in opened])
+        if not (lengths > 0.0).all():
             raise SettingsError("The blades are never open for a flash; shorten their time.")
+        spacing = float(lengths.sum()) / flash.count
         duration = min(flash.duration * self._unit, spacing)
-        inset = 0.0 if flash.curtain == "first" else spacing - duration
-        return tuple(
-            (begin + n * spacing + inset, begin + n * spacing + inset + duration) for n in range(flash.count)
-        )
+        before = np.cumsum(lengths) - lengths
+        flashes = []
+        for n in range(flash.count):
+            start = n * spacing + (0.0 if flash.curtain == "first" else spacing - duration)
+            which = int(np.searchsorted(before, start + _LEAST_BLADE_TIME, side="right")) - 1
+            begin, end = opened[which]
+            # None goes on while the shutter is shut.
+            at = min(begin + start - float(before[which]), max(begin, end - duration))
+            flashes.append((at, min(at + duration, end)))
+        return tuple(flashes)
 
     def pieces(self) -> FloatArray:
         """Return (begin, end, light at begin, light at end) of pieces in which light changes evenly."""
@@ -392,8 +402,16 @@ class Shutter:
         lit = (middle > t0) & (middle < t1)
         first, last = (np.where(lit, d0 + slope * (t - t0), 0.0) for t in (begin, end))
         scale = (1.0 - self.flash.share) / float((0.5 * (first + last) * (end - begin)).sum())
-        inside = np.any([(middle > start) & (middle < stop) for start, stop in flashes], axis=0)
-        flash = self.flash.share / sum(stop - start for start, stop in flashes) * inside
+        # A shutter that is half open lets half of a flash in.
+        curve = np.array(self.curve or ((0.0, 1.0), (1.0, 1.0)))
+        open_then = [float(np.interp(0.5 * (start + stop), *curve.T)) for start, stop in flashes]
+        if sum(open_then) == 0.0:
+            raise SettingsError("The shutter's curve is 0 when the flash fires; raise it there.")
+        flash = sum(
+            openness * ((middle > start) & (middle < stop))
+            for (start, stop), openness in zip(flashes, open_then, strict=True)
+        )
+        flash = flash * (self.flash.share / float((flash * (end - begin)).sum()))
         return np.stack([begin, end, scale * first + flash, scale * last + flash], axis=1)
 
     def _ambient(self) -> FloatArray:

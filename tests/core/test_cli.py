@@ -1304,6 +1304,9 @@ def test_a_shutter_angle_is_a_share_of_a_frame() -> None:
     assert gated.frames == pytest.approx(0.6)
     assert gated.slit is not None
     assert (gated.slit.edge, gated.slit.width) == ("top", pytest.approx(0.5 / 0.6))
+    from_left = shutter_of("--shutter", "0.5", "--shutter-gate", "left:36").slit
+    assert from_left is not None
+    assert from_left.edge == "left"
 
 
 def test_a_flash_is_said_by_its_curtain() -> None:
@@ -1323,6 +1326,7 @@ def test_a_flash_is_said_by_its_curtain() -> None:
         ("--flash", "first", "--slit", "top:0.1"),
         ("--shutter-gate", "10"),
         ("--shutter-gate", "-1", "--shutter", "0.5"),
+        ("--shutter-gate", "middle:10", "--shutter", "0.5"),
         ("--shutter-gate", "10", "--shutter", "0.5", "--slit", "top:0.1"),
     ],
 )

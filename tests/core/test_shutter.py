@@ -432,6 +432,18 @@ def test_a_flash_adds_its_share_to_the_ambient_light(
     assert [shutter.light(0.0, t) for t in times.tolist()] == pytest.approx(shares.tolist(), abs=1e-9)
 
 
+def test_no_flash_fires_while_the_shutter_is_shut() -> None:
+    shutter = Shutter(openings=((0.0, 0.2), (0.8, 1.0)), flash=Flash("first", 1.0, 0.02, 4))
+    times = shutter.times((np.arange(400) + 0.5) / 400)
+    starts = (0.0, 0.1, 0.8, 0.9)
+    assert [((times >= a) & (times <= a + 0.02)).mean() for a in starts] == pytest.approx([0.25] * 4)
+    # One that would go on past the end of an opening fires a little earlier.
+    tight = Shutter(openings=((0.0, 0.2), (0.8, 1.0)), flash=Flash("second", 1.0, 0.15, 1))
+    assert tight.times([0.0, 1.0]) == pytest.approx([0.85, 1.0])
+    with pytest.raises(SettingsError, match="when the flash fires"):
+        Shutter(curve=((0.0, 1.0), (0.4, 1.0), (0.5, 0.0), (1.0, 0.0)), flash=Flash("second"))
+
+
 def test_a_strobe_without_ambient_light_shows_distinct_moments() -> None:
     strobe = Shutter(flash=Flash("first", 1.0, 0.001, 5))
     times = strobe.times((np.arange(500) + 0.5) / 500)
