@@ -406,7 +406,18 @@ def _seen_at(samples: Samples, moving: list[Motion | None], count: int) -> list[
             samples, layers=tuple(layers), data_window=samples.display_window, position="center", paths=None
         )
         moments.append((then, openings[n]))
-    return moments
+    # With one aperture all the time what is seen meanwhile is focused at once, by the depths half-way.
+    return moments if min(openings) < 1.0 else [(_mean_of([then for then, _ in moments]), 1.0)]
+
+
+def _mean_of(moments: list[Samples]) -> Samples:
+    """Return samples with the mean colours of some moments, and the depths of the middle one."""
+    middle = moments[len(moments) // 2]
+    layers = [
+        replace(layer, color=np.mean([then.layers[n].color for then in moments], axis=0, dtype=np.float32))
+        for n, layer in enumerate(middle.layers)
+    ]
+    return replace(middle, layers=tuple(layers))
 
 
 def _on_display(layer: SampleLayer, samples: Samples, rows: slice, columns: slice) -> SampleLayer:
