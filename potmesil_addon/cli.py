@@ -475,8 +475,8 @@ def _add_shutter(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--shutter-gate",
         metavar="[EDGE:]DEG",
-        help="rotary shutter: angle of the film gate as its disc's axis sees it; the side opposite to the edge "
-        "(top where none is said) is later by it",
+        help="rotary shutter: angle of the film gate as its disc's axis sees it, by which the side opposite "
+        "to the edge (top where none is said) is later",
     )
     parser.add_argument(
         "--shutter-position", choices=SHUTTER_POSITIONS, help="where the frame lies in the exposure"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
@@ -34,6 +35,9 @@ _GROWTH: Final = 4.0
 
 _PATIENCE: Final = 3.0
 """Seconds after which a finer preview that was too slow is tried again."""
+
+_MOVING_TIERS: Final = 6
+"""Kinds of previews with motion, before those without it."""
 
 _INSTANTS: Final = 8
 """Most instants of a preview with motion blur."""
@@ -241,10 +245,13 @@ class Tier:
         By how much the samples are reduced, each way.
     visibility : {"aperture", "none"}
         Whether near things hide what is behind them.
+    motion : bool
+        Whether what moves is blurred.
     """
 
     factor: int
     visibility: Visibility
+    motion: bool = True
 
 
 class Previewer:
@@ -323,13 +330,18 @@ class Previewer:
         kinds: list[Visibility] = ["none"]
         if settings.use_lens and settings.visibility == "aperture":
             kinds = ["aperture", "none"]
-        return [Tier(factor, kind) for factor in self._levels for kind in kinds]
+        ladder = [Tier(factor, kind) for factor in self._levels for kind in kinds]
+        if not settings.use_motion:
+            return ladder
+        # Motion takes several times as long: larger pictures without it come after small ones with it.
+        return [*ladder[:_MOVING_TIERS], *(Tier(tier.factor, tier.visibility, False) for tier in ladder[2:])]
 
     def picture_at(self, settings: ProcessSettings, tier: Tier) -> Float32Array:
         """Return a preview of a chosen kind, however long it takes; see `picture`."""
         still = replace(settings, use_motion=False, visibility=tier.visibility)
         samples = self._levels[tier.factor]
-        moments = self._moments(samples, settings, tier.factor) if settings.use_motion else None
+        moves = settings.use_motion and tier.motion
+        moments = self._moments(samples, settings, tier.factor) if moves else None
         if moments is None:
             return run(process(samples, still)).picture
         total = np.zeros(1, dtype=np.float64)
@@ -379,7 +391,9 @@ class Previewer:
             return
         if seconds > self._budget:
             self._too_slow[tier] = now
-            self._tier = min(self._tier + 1, len(self._ladder) - 1)
+            # One down for each time that it took twice as long.
+            down = max(1, round(math.log2(seconds / self._budget)))
+            self._tier = min(self._tier + down, len(self._ladder) - 1)
             return
         if self._tier > 0 and seconds * _GROWTH < self._budget:
             better = self._ladder[self._tier - 1]

@@ -273,7 +273,16 @@ def test_a_fast_machine_gets_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_slow_one_gets_the_smallest_and_simplest(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert drag(monkeypatch, lambda _: 1.0)[-1] == Tier(8, "none")
+    assert drag(monkeypatch, lambda _: 1.0)[-1] == Tier(8, "none", motion=False)
+
+
+def test_where_motion_takes_too_long_it_is_left_out_while_the_hand_moves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen = drag(monkeypatch, lambda tier: 0.5 if tier.motion else 0.02)
+    assert not any(tier.motion for tier in seen[3:])
+    # Within three steps: ten times too slow is three down.
+    assert [tier.motion for tier in seen[:4]].count(True) <= 3
 
 
 def test_previews_keep_to_their_time(monkeypatch: pytest.MonkeyPatch) -> None:
