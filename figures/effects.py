@@ -92,7 +92,7 @@ def through() -> Samples:
         x = 40 + n * 66
         color[_STRIP // 2, x, :3] = 900.0
         # All around it is as far, so that nothing hides its disc.
-        depth[:, max(0, x - 33) : x + 33] = 1.0 / (1.0 / FOCUS - circle * _PITCH / vergence)
+        depth[:, 0 if n == 0 else x - 33 : x + 33] = 1.0 / (1.0 / FOCUS - circle * _PITCH / vergence)
     return samples_of(color, depth)
 
 

@@ -717,6 +717,9 @@ GERMAN: dict[str, str] = {
     "A flash needs all of the film uncovered at once; leave out the slit, or the flash.": (
         "Ein Blitz braucht den ganzen Film auf einmal frei; lassen Sie den Schlitz weg, oder den Blitz."
     ),
+    "The shutter's curve is 0 when the flash fires; raise it there.": (
+        "Die Kurve des Verschlusses ist 0, wenn der Blitz auslöst; heben Sie sie dort an."
+    ),
     "The blades are never open for a flash; shorten their time.": (
         "Die Lamellen sind für einen Blitz nie offen; verkürzen Sie ihre Zeit."
     ),
