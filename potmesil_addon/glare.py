@@ -25,7 +25,7 @@ from .errors import SettingsError
 from .images import on_change, read_image
 from .lens import FloatArray, Lens
 from .psf import PRIMARY_WAVELENGTHS
-from .pupil import blade_arc, outline, transmission
+from .pupil import blade_arc, outline, polygon_area, transmission
 from .samples import Float32Array
 from .spectrum import primaries_of_wavelengths
 
@@ -361,14 +361,12 @@ def _add_rim(
     if curvature < 1.0:
         bend, arc = blade_arc(iris.blades, curvature)
         rim = outline(iris, Pupil(blade_curvature=curvature))
-        around = np.roll(rim, -1, axis=0)
-        enclosed = 0.5 * float(np.sum(rim[:, 0] * around[:, 1] - rim[:, 1] * around[:, 0]))
         # Rows count downwards. Normals repeat with the blades; those of the other side are seen from behind.
         turned, step = np.arctan2(-y, x) - iris.blade_rotation, 2.0 * math.pi / iris.blades
         places = sum(
             np.abs((turned + side + 0.5 * step) % step - 0.5 * step) < arc for side in (0.0, math.pi)
         )
-        light *= places * (0.5 * bend * math.pi / enclosed)
+        light *= places * (0.5 * bend * math.pi / polygon_area(rim))
     for n in range(3):
         function[n] += np.append(0.0, np.cumsum(wavelengths * shares[:, n]))[ended] * light
 
@@ -390,9 +388,7 @@ def _add_edges(
     scale_x, scale_y, begin = scales
     corners = polygon_vertices(iris.blades, iris.blade_rotation, 1.0)
     edges = np.roll(corners, -1, axis=0) - corners
-    area = 0.5 * float(
-        np.sum(corners[:, 0] * np.roll(corners[:, 1], -1) - corners[:, 1] * np.roll(corners[:, 0], -1))
-    )
+    area = polygon_area(corners)
     step = min(grid.pitch_x / scale_x, grid.pitch_y / scale_y) / _STEPS_PER_PIXEL
     farthest = math.hypot(grid.across * grid.pitch_x / scale_x, grid.down * grid.pitch_y / scale_y)
     # Distances over the f-stop.

@@ -264,7 +264,7 @@ class PupilShape:
             shapes = _shapes(self.lens, pupil, barrel)
             scale = [radius * per_x, -radius * per_y]
             tables = [polygon_rows(shape * scale, position) for shape, _ in shapes]
-            areas = np.array([sign * _area(shape) for shape, sign in shapes])
+            areas = np.array([sign * polygon_area(shape) for shape, sign in shapes])
             if len(tables) == 1:
                 return tables[0]
             merged = _merged(tables)
@@ -329,7 +329,7 @@ def clear_share(lens: Lens, pupil: Pupil | None, barrel: Barrel) -> float:
         whole = _kept_transmission(lens, pupil, 2 * _LEAST_CELLS, None).sum()
         return float(transmission(lens, pupil, 2 * _LEAST_CELLS, barrel).sum() / whole)
     whole, cut = (
-        sum(math.copysign(_area(shape), weight) for shape, weight in _shapes(lens, pupil, b))
+        sum(math.copysign(polygon_area(shape), weight) for shape, weight in _shapes(lens, pupil, b))
         for b in (None, barrel)
     )
     return cut / whole
@@ -396,7 +396,9 @@ def _shapes(lens: Lens, pupil: Pupil, barrel: Barrel | None) -> list[tuple[Float
         shapes.append((pupil.obstruction * _circle(), -1.0))
     if barrel is not None:
         shapes = [(_through(barrel, shape), weight) for shape, weight in shapes]
-        shapes = [(shape, weight) for shape, weight in shapes if len(shape) > 2 and _area(shape) > 1e-6]
+        shapes = [
+            (shape, weight) for shape, weight in shapes if len(shape) > 2 and polygon_area(shape) > 1e-6
+        ]
     if not shapes:
         raise SettingsError("The barrel covers all of the aperture in the corners; lower its vignetting.")
     return shapes
@@ -461,7 +463,8 @@ def _opening(barrel: Barrel) -> FloatArray:
     return _through(barrel, (barrel.radius + math.hypot(barrel.x, barrel.y)) * _circle())
 
 
-def _area(polygon: FloatArray) -> float:
+def polygon_area(polygon: FloatArray) -> float:
+    """Return the area of a polygon with counter-clockwise corners (x, y), y up."""
     x, y = polygon.T
     return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
@@ -483,7 +486,7 @@ def _covered(shapes: list[tuple[FloatArray, float]], size: int) -> FloatArray:
     for shape, weight in shapes:
         scaled = shape * [0.5 * size, -0.5 * size]
         table = polygon_rows(scaled, "corner")
-        values = table.dense()[0] * abs(_area(scaled))
+        values = table.dense()[0] * abs(polygon_area(scaled))
         # Around the sample on the corner in the middle; a disc's polygon may reach past the square.
         top, left = table.first_row + size // 2, size // 2 - values.shape[1] // 2
         rows = slice(max(top, 0), min(top + values.shape[0], size))

@@ -253,10 +253,13 @@ class Shutter:
         _check_openings(self.openings)
         if not self._ambient()[:, 2:].any():
             raise SettingsError("The shutter's curve is 0 all the time it is open; raise it.")
-        if self._flashes and self.slit is not None and self.slit.width < 1.0:
+        if not self._flashes:
+            return
+        if self.slit is not None and self.slit.width < 1.0:
             raise SettingsError(
                 "A flash needs all of the film uncovered at once; leave out the slit, or the flash."
             )
+        # One that finds the shutter shut is refused now.
         self.pieces()
 
     @property
