@@ -171,7 +171,7 @@ def _memory(job: dict[str, Any]) -> None:
 def _stage(job: dict[str, Any]) -> None:
     """Time what the extension does after a render with the file's settings: read, process, write."""
     from potmesil_addon import exr  # noqa: PLC0415
-    from potmesil_addon.cli import write_result  # noqa: PLC0415
+    from potmesil_addon.pictures import write_result  # noqa: PLC0415
     from potmesil_addon.process import ProcessSettings, process  # noqa: PLC0415
     from potmesil_addon.progress import run  # noqa: PLC0415
 

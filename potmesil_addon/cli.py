@@ -1,6 +1,7 @@
 """The command line: ``info``, ``dof``, ``psf`` and ``process``, with or without Blender.
 
-Exit status: 0 done, 2 usage, 3 input missing or wrong, 4 failed.
+Exit status: 0 done, 2 usage, 3 input missing or wrong, 4 failed, 33 too little memory, 130 interrupted,
+143 terminated.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -20,12 +21,12 @@ from typing import Any, Final
 import numpy as np
 
 from . import __version__, exr, jit, png
+from .batch import Mark, Standing, add_batch_options, batch_options, run_batch, thread_count
 from .camera import Film, pan_tilt_swing
 from .diffraction import lommel_intensity, optical_defocus, optical_radius
 from .effect_options import described, read_effects, with_options
 from .effects import Effects, effects_from_json
-from .errors import EXIT_DONE, EXIT_FAILED, InputError, PotmesilError, SettingsError
-from .files import whole_file
+from .errors import EXIT_DONE, EXIT_MEMORY, InputError, PotmesilError, SettingsError
 from .focus import WEIGHTINGS
 from .frames import existing_frames, frame_path, parse_frames
 from .keys import Scale, parse_keys
@@ -39,9 +40,9 @@ from .lens import (
     depth_of_field_for_circle,
 )
 from .motion import MOTION_MODELS
+from .pictures import PicturePaths, check_output, picture_mark, refuse_replacing
 from .preview import settings_to_json
-from .process import ProcessSettings, Result, process
-from .progress import run
+from .process import ProcessSettings, process
 from .psf import (
     PRIMARY_WAVELENGTHS,
     PSF_KINDS,
@@ -50,7 +51,8 @@ from .psf import (
     PsfBuilder,
     PsfSettings,
 )
-from .samples import Float32Array, LensAttributes, Samples
+from .reports import plain
+from .samples import LensAttributes, Samples
 from .scatter import BACKENDS
 from .shutter import (
     CURTAINS,
@@ -109,7 +111,7 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m potme
         return error.exit_status
     except MemoryError:
         print("Error: There is not enough memory for this picture; use a machine with more.", file=sys.stderr)
-        return EXIT_FAILED
+        return EXIT_MEMORY
     except KeyboardInterrupt:
         return _EXIT_INTERRUPTED
     return status
@@ -195,7 +197,7 @@ def add_core_commands(commands: Any) -> None:
         help="1-10, 1-10:2 or 1,3,7-9 (default: every frame of a sequence that is there)",
     )
     add_process_options(work)
-    work.add_argument("--report", type=Path, metavar="OUT.json", help="write what was done as JSON")
+    add_batch_options(work)
     work.set_defaults(run=_process)
 
 
@@ -308,8 +310,11 @@ def add_process_options(parser: argparse.ArgumentParser) -> None:
         metavar="ERROR.exr|ERROR.png",
         help="write how far each pixel is expected to be off",
     )
+    parser.add_argument("--report", type=Path, metavar="OUT.json", help="write what was done as JSON")
     parser.add_argument("--backend", choices=BACKENDS, default="auto")
-    parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    parser.add_argument(
+        "--threads", type=int, metavar="N", help="default: as many as the farm allows, or all cores"
+    )
 
 
 def process_settings(options: argparse.Namespace, frame: int | None = None) -> ProcessSettings:
@@ -372,95 +377,6 @@ def _effects(options: argparse.Namespace, frame: int | None) -> Effects:
     """Return the special effects: the panel's, those of a file over them, and single options over both."""
     base = {**options.panel_effects, **({} if options.effects is None else read_effects(options.effects))}
     return effects_from_json(with_options(base, options.effect, frame))
-
-
-def write_result(path: Path, result: Result, samples: Samples) -> None:
-    """Write a picture in the format that its name asks for.
-
-    Parameters
-    ----------
-    path : Path
-        Ends in ``.exr`` (float, scene-linear, premultiplied) or ``.png`` (8-bit sRGB).
-    result : Result
-        The picture.
-    samples : Samples
-        Where it came from; its attributes are carried on.
-
-    Raises
-    ------
-    SettingsError
-        If the name has another ending.
-    OutputError
-        If it cannot be written.
-    """
-    check_output(path)
-    if path.suffix.lower() == ".png":
-        png.write_png(path, result.picture)
-        return
-    attributes = {**samples.attributes, **_picture_attributes(result, samples)}
-    lens = result.report["lens"]
-    if lens is not None:
-        attributes["nominalFocalLength"] = float(lens["focal_length_mm"])
-        attributes["aperture"] = float(lens["f_stop"])
-        distance = lens["focus_distance_m"]
-        attributes["focus"] = math.inf if distance is None else float(distance)
-        attributes["potmesil:lens"] = json.dumps(lens)
-    shutter = result.report["shutter"]
-    if shutter is not None:
-        attributes["potmesil:shutter"] = json.dumps(
-            {name: value for name, value in shutter.items() if value or name == "frames"}
-        )
-        if samples.shutter.frames_per_second is not None:
-            attributes["expTime"] = shutter["frames"] / samples.shutter.frames_per_second
-    if result.report["effects"]:
-        attributes["potmesil:effects"] = json.dumps(result.report["effects"])
-    exr.write_picture(path, result.picture, attributes)
-
-
-def write_map(path: Path, values: Float32Array, result: Result, samples: Samples) -> None:
-    """Write a value for each pixel, such as the mask of what was guessed, as a grey picture.
-
-    Parameters
-    ----------
-    path : Path
-        Ends in ``.exr`` (float) or ``.png`` (8 bits through the sRGB curve, as the picture itself).
-    values : ndarray of float32 of shape (rows, columns)
-        The values, of which a PNG shows those from 0 to 1.
-    result : Result
-        The picture that they are about.
-    samples : Samples
-        Where it came from.
-
-    Raises
-    ------
-    SettingsError
-        If the name has another ending.
-    OutputError
-        If it cannot be written.
-    """
-    check_output(path)
-    grey = np.ones_like(result.picture)
-    grey[..., :3] = values[..., np.newaxis]
-    if path.suffix.lower() == ".png":
-        png.write_png(path, grey)
-    else:
-        exr.write_picture(path, grey, _picture_attributes(result, samples))
-
-
-def check_output(path: Path) -> None:
-    """Raise SettingsError unless a result can be written under this name."""
-    if path.suffix.lower() not in (".exr", ".png"):
-        raise SettingsError(f"'{path}' must end in .exr or .png.")
-
-
-def _picture_attributes(result: Result, samples: Samples) -> dict[str, Any]:
-    """Return the header attributes that say where a picture lies."""
-    window = result.display_window
-    box = (
-        np.array([window.x0, window.y0], dtype=np.int32),
-        np.array([window.x1 - 1, window.y1 - 1], dtype=np.int32),
-    )
-    return {"pixelAspectRatio": samples.pixel_aspect, "displayWindow": box, "dataWindow": box}
 
 
 def _add_shutter(parser: argparse.ArgumentParser) -> None:
@@ -640,10 +556,6 @@ def _millimetres(value: float | None) -> float | None:
     return None if value is None else value / 1000.0
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
 def _dof(options: argparse.Namespace) -> int:
     lens = _lens(options)
     limits: DepthOfField
@@ -654,11 +566,11 @@ def _dof(options: argparse.Namespace) -> int:
     values = {
         "hyperfocal_m": limits.hyperfocal,
         "near_m": limits.near,
-        "far_m": _finite(limits.far),
-        "depth_of_field_m": _finite(limits.total),
+        "far_m": plain(limits.far),
+        "depth_of_field_m": plain(limits.total),
     }
     if options.json:
-        print(json.dumps(_plain(values)))
+        print(json.dumps(plain(values)))
         return EXIT_DONE
     for name, value in values.items():
         label = name.removesuffix("_m").replace("_", " ")
@@ -699,7 +611,7 @@ def _psf(options: argparse.Namespace) -> int:
     if options.output is not None:
         _write_table(options, lens, circle, None if options.wavelength_nm is None else wavelength)
     if options.json:
-        print(json.dumps(_plain(values)))
+        print(json.dumps(plain(values)))
     else:
         print(f"u = {u:.6g}, circle of confusion {circle * 1000.0:.6g} mm")
     return EXIT_DONE
@@ -726,20 +638,26 @@ def _process(options: argparse.Namespace) -> int:
         if path is not None:
             check_output(Path(path))
     frames = _frames(options)
+    batch = batch_options(options)
     # What is wrong with the settings is said before the first picture.
     for frame in frames:
         process_settings(options, frame)
-    jobs = [_Job.create(options, frame, several=len(frames) > 1) for frame in frames]
-    _refuse_replacing(jobs)
-    if jit.set_thread_count(options.threads) > 1:
-        _compile_beside(jobs[0].source, process_settings(options, jobs[0].frame))
+    several = len(frames) > 1
+    places = {frame: PicturePaths.of_frame(options, frame, several=several) for frame in frames}
+    sources = {
+        frame: options.input if frame is None else frame_path(options.input, frame) for frame in frames
+    }
+    refuse_replacing(list(places.values()), sources.values())
+    if jit.set_thread_count(thread_count(options.threads)) > 1:
+        _compile_beside(sources[frames[0]], process_settings(options, frames[0]))
     layers = tuple(options.layer) if options.layer else None
-    samples, last = None, None
-    for job in jobs:
-        if samples is None or job.source != last:
-            samples, last = exr.read_samples(job.source, layers), job.source
-        _process_frame(job, samples, options)
-    return EXIT_DONE
+    reader = _Reader(layers)
+
+    def begin(frame: int | None) -> _FrameOfFile:
+        settings = process_settings(options, frame)
+        return _FrameOfFile(sources[frame], places[frame], settings, layers, reader)
+
+    return run_batch(frames, begin, batch)
 
 
 def _frames(options: argparse.Namespace) -> tuple[int | None, ...]:
@@ -754,73 +672,58 @@ def _frames(options: argparse.Namespace) -> tuple[int | None, ...]:
     return frames
 
 
+class _Reader:
+    """Reads samples files, and keeps the last one: a still may become an animation."""
+
+    def __init__(self, layers: tuple[str, ...] | None) -> None:
+        self._layers = layers
+        self._last: tuple[Path, Samples] | None = None
+
+    def read(self, source: Path) -> Samples:
+        """Return the samples of a file."""
+        if self._last is None or self._last[0] != source:
+            self._last = None
+            self._last = source, exr.read_samples(source, self._layers)
+        return self._last[1]
+
+
 @dataclass(frozen=True, slots=True)
-class _Job:
-    """The files of one picture."""
+class _FrameOfFile:
+    """A frame of a batch whose samples are in a file, without a scene."""
 
-    frame: int | None
     source: Path
-    output: Path
-    mask: Path | None
-    error_map: Path | None
-    report: Path | None
+    paths: PicturePaths
+    settings: ProcessSettings
+    layers: tuple[str, ...] | None
+    reader: _Reader
 
-    @classmethod
-    def create(cls, options: argparse.Namespace, frame: int | None, *, several: bool) -> _Job:
-        """Name the files."""
+    @property
+    def output(self) -> Path:
+        """The picture's file."""
+        return self.paths.output.absolute()
 
-        def named(template: str | Path | None) -> Path | None:
-            if template is None or frame is None:
-                return None if template is None else Path(template)
-            return frame_path(Path(template), frame, several=several)
+    def standing(self) -> Standing:
+        """Return what the picture and its maps are."""
+        return self.paths.standing(self._mark)
 
-        source = options.input if frame is None else frame_path(options.input, frame)
-        output = named(options.output)
-        assert output is not None
-        return cls(
-            frame, source, output, named(options.mask), named(options.error_map), named(options.report)
-        )
+    def make(self) -> Generator[float, None, None]:
+        """Process the samples, and write all that was asked for."""
+        samples = self.reader.read(self.source)
+        settings = self.settings
+        exposure = settings.shutter.over(samples.shutter).resolve() if settings.use_motion else None
+        asked = exposure is not None and (settings.shutter.frames or settings.shutter.needs_length)
+        if asked and not samples.knows_motion:
+            raise InputError(
+                f"'{self.source}' has neither motion paths nor a vector pass, which a shutter needs; "
+                "render with the Vector pass or leave out the shutter's options."
+            )
+        result = yield from process(samples, settings)
+        self.paths.write(result, samples, self._mark(), self.source)
+        for what, count in samples.repaired.items():
+            print(f"Repaired {count} {what} values that were not finite from their neighbours.", flush=True)
 
-
-def _refuse_replacing(jobs: Sequence[_Job]) -> None:
-    """Raise SettingsError if a picture would replace a samples file of any frame, or a map another one."""
-    sources = {job.source.resolve() for job in jobs}
-    for job in jobs:
-        targets = [path.resolve() for path in (job.output, job.mask, job.error_map) if path is not None]
-        if not sources.isdisjoint(targets):
-            raise SettingsError("The output would replace the samples file; give another name.")
-        if len(set(targets)) < len(targets):
-            raise SettingsError("The mask or error map would replace another picture; give another name.")
-
-
-def _process_frame(job: _Job, samples: Samples, options: argparse.Namespace) -> None:
-    """Process one samples file and write all that was asked for."""
-    settings = process_settings(options, job.frame)
-    exposure = settings.shutter.over(samples.shutter).resolve() if settings.use_motion else None
-    asked = exposure is not None and (settings.shutter.frames or settings.shutter.needs_length)
-    if asked and not samples.knows_motion:
-        raise InputError(
-            f"'{job.source}' has neither motion paths nor a vector pass, which a shutter needs; "
-            "render with the Vector pass or leave out the shutter's options."
-        )
-    result = run(process(samples, settings))
-    write_result(job.output, result, samples)
-    for path, values in ((job.mask, result.guessed), (job.error_map, result.predicted_error)):
-        if path is not None:
-            write_map(path, values, result, samples)
-    for what, count in samples.repaired.items():
-        print(f"Repaired {count} {what} values that were not finite from their neighbours.")
-    if job.report is not None:
-        files = {
-            "input": job.source,
-            "output": job.output,
-            "mask": job.mask,
-            "error_map": job.error_map,
-        }
-        report = {name: None if path is None else str(path) for name, path in files.items()} | result.report
-        write_json(job.report, report)
-    # Whole lines, at once: farms read them through a pipe.
-    print(f"Saved: '{job.output}'", flush=True)
+    def _mark(self) -> Mark:
+        return picture_mark(self.settings, self.layers, self.source)
 
 
 _BESIDE: Final[list[str]] = []
@@ -848,35 +751,6 @@ def _compile_beside(source: Path, settings: ProcessSettings) -> None:
             )
 
     jit.on_compile(start)
-
-
-def write_json(path: Path, value: dict[str, Any]) -> None:
-    """Write a report as JSON, whole or not at all; NaN and infinity become null.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    value : dict
-        What to write.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
-    """
-    with whole_file(path) as part:
-        part.write_text(json.dumps(_plain(value), indent=2) + "\n", encoding="utf-8")
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return _finite(value)
-    return value
 
 
 def _list_effects(options: argparse.Namespace) -> int:
@@ -908,7 +782,7 @@ def _info(options: argparse.Namespace) -> int:
     except InputError as error:
         values["not_processable"] = str(error)
     if options.json:
-        print(json.dumps(_plain(values)))
+        print(json.dumps(plain(values)))
         return EXIT_DONE
     layers = values.pop("layers", [])
     for name, value in values.items():

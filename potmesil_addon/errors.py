@@ -8,6 +8,8 @@ EXIT_DONE: Final = 0
 EXIT_USAGE: Final = 2
 EXIT_INPUT: Final = 3
 EXIT_FAILED: Final = 4
+EXIT_MEMORY: Final = 33
+"""What OpenCue tries again with more memory."""
 
 
 class PotmesilError(Exception):
@@ -36,3 +38,9 @@ class OutputError(PotmesilError):
     """A result could not be written."""
 
     exit_status: ClassVar[int] = EXIT_FAILED
+
+
+class MemoryLimitError(PotmesilError):
+    """The work needs more memory than there is, or than it may take."""
+
+    exit_status: ClassVar[int] = EXIT_MEMORY

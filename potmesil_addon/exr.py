@@ -8,11 +8,13 @@ standard attributes; what those have no name for, in attributes that begin with 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import json
 import math
 import os
 import re
+import struct
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -71,11 +73,25 @@ _BEHIND: Final = re.compile(r"(.*) \(behind ([1-9][0-9]*)\)", re.DOTALL)
 _HALF_MAX: Final = 65504.0
 """The largest half float, which is what infinity and 1e10 become in a half channel."""
 
+_MAGIC: Final = 20000630
+_LONG_NAMES: Final = 0x400
+_MULTI_PART: Final = 0x1000
+"""The number that OpenEXR files begin with, and two flags of its version field."""
+
+_SHORT_NAME: Final = 31
+"""Bytes of the longest name without the flag for long ones."""
+
 _INTEGERS: Final[tuple[PassName, ...]] = ("object_index", "patch")
 
 _PRIMARIES: Final = 3
 
 _LARGEST_INDEX: Final = np.iinfo(np.int32).max
+
+DIGEST_ATTRIBUTE: Final = "potmesil:digest"
+"""Header attribute of a samples file: a digest of its samples and of what is said of them.
+
+Two renders of one frame have the same, though Blender writes its time of day into the header.
+"""
 
 _SHARED_BY_PARTS: Final = ("pixelAspectRatio",)
 """Attributes of ours that OpenEXR wants to be the same in all parts of a file."""
@@ -163,6 +179,48 @@ def read_raw(path: Path) -> RawFile:
                 full = f"{prefix}{dot}{view}.{component}"
             channels.append(Channel(full, parse_channel(full, views), channel.pixels, window))
     return RawFile(dict(file.parts[0].header), tuple(channels), len(file.parts))
+
+
+def read_header(path: Path) -> dict[str, Any]:
+    """Return the header of an EXR file's first part without reading its pixels.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    dict
+        Attributes by name.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, or of a kind that cannot be processed.
+    """
+    return dict(_read_headers(path).parts[0].header)
+
+
+def read_whole_header(path: Path) -> dict[str, Any]:
+    """Return the header of an EXR file's first part after all of its pixels were read.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    dict
+        Attributes by name.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, not whole, or of a kind that cannot be processed.
+    """
+    return dict(_read_file(path).parts[0].header)
 
 
 def read_samples(path: Path, layers: tuple[str, ...] | None = None) -> Samples:
@@ -386,6 +444,7 @@ def annotate(
         # The module knows the size only of parts that are there when it makes the file.
         file = OpenEXR.File([*parts, *added])
     file.parts[0].header.update(attributes)
+    file.parts[0].header[DIGEST_ATTRIBUTE] = _digest(file, attributes)
     shared = {name: attributes[name] for name in _SHARED_BY_PARTS if name in attributes}
     for part in file.parts:
         part.header.update(shared)
@@ -394,6 +453,91 @@ def annotate(
             part.header.update(_overscanned(part.header, np.array(margins, dtype=np.int32)))
     with whole_file(destination) as part_path, _quiet():
         file.write(str(part_path))
+
+
+def _digest(file: Any, attributes: Mapping[str, Any]) -> str:
+    """Return a digest of a file's channels and attributes."""
+    digest = hashlib.blake2b(digest_size=16)
+    said = {name: getattr(value, "tolist", lambda value=value: value)() for name, value in attributes.items()}
+    digest.update(json.dumps(said, sort_keys=True, default=str).encode())
+    for part in file.parts:
+        for name, channel in sorted(part.channels.items()):
+            pixels = np.ascontiguousarray(channel.pixels)
+            digest.update(f"{name} {pixels.shape} {pixels.dtype}".encode())
+            digest.update(pixels.data)
+    return digest.hexdigest()
+
+
+def stamp(path: Path, attributes: Mapping[str, str]) -> None:
+    """Add texts to the header of an EXR file in its place, and leave its pixels as they are, bit by bit.
+
+    Where the file was compressed with losses, reading and writing it would lose more. What follows the first
+    header moves, and with it where the offset tables say that pixels begin.
+
+    Parameters
+    ----------
+    path : Path
+        A whole file, which no one else reads yet.
+    attributes : mapping of str to str
+        Attributes that it does not have.
+
+    Raises
+    ------
+    InputError
+        If it is no whole EXR file.
+    OSError
+        If it cannot be read or written.
+    """
+    before = path.read_bytes()
+    try:
+        first_end, headers_end = _header_ends(before)
+        added = b"".join(
+            name.encode() + b"\0string\0" + struct.pack("<i", len(text.encode())) + text.encode()
+            for name, text in attributes.items()
+        )
+        # The tables of all parts stand together, and the first pixels behind them.
+        position, offsets = headers_end, [len(before)]
+        while position < min(offsets):
+            offsets.append(struct.unpack_from("<Q", before, position)[0])
+            position += 8
+    except (ValueError, struct.error) as error:
+        raise InputError(f"'{path}' is not a whole OpenEXR file; render it again.") from error
+    tables = struct.pack(f"<{len(offsets) - 1}Q", *(offset + len(added) for offset in offsets[1:]))
+    flags = struct.unpack_from("<i", before, 4)[0]
+    if any(len(name) > _SHORT_NAME for name in attributes):
+        flags |= _LONG_NAMES
+    with path.open("wb") as stream:
+        stream.write(before[:4] + struct.pack("<i", flags) + before[8:first_end] + added)
+        stream.write(before[first_end:headers_end] + tables + before[position:])
+
+
+def _header_ends(content: bytes) -> tuple[int, int]:
+    """Return where the first header's attributes end, and where all headers do.
+
+    Raises
+    ------
+    ValueError, struct.error
+        If the content ends before.
+    """
+    magic, flags = struct.unpack_from("<ii", content)
+    if magic != _MAGIC:
+        raise ValueError("no OpenEXR file")
+    position, first_end = 8, 0
+    while True:
+        start = position
+        while content[position : position + 1] != b"\0":
+            # Name, type, and as many bytes as are said.
+            for _ in range(2):
+                position = content.index(b"\0", position) + 1
+            (size,) = struct.unpack_from("<i", content, position)
+            if size < 0:
+                raise ValueError("an attribute of less than no bytes")
+            position += 4 + size
+        first_end = first_end or position
+        position += 1
+        # Headers of several parts end with an empty one.
+        if not flags & _MULTI_PART or position == start + 1:
+            return first_end, position
 
 
 def _overscanned(header: Mapping[str, Any], margins: npt.NDArray[np.int32]) -> dict[str, Any]:
@@ -523,8 +667,8 @@ def write_picture(path: Path, picture: Float32Array, attributes: Mapping[str, An
         OpenEXR.File(header, {"RGBA": np.ascontiguousarray(picture)}).write(str(part))
 
 
-def _read_file(path: Path) -> Any:
-    """Return an OpenEXR.File with every channel by itself, checked as `read_raw` says."""
+def _read_headers(path: Path) -> Any:
+    """Return an OpenEXR.File without pixels, of a kind that can be processed."""
     if not path.is_file():
         raise InputError(f"'{path}' does not exist; give the path of a samples file.")
     try:
@@ -536,13 +680,21 @@ def _read_file(path: Path) -> Any:
         ) from error
     for part in headers.parts:
         _refuse_unsupported(path, part.header)
+    if not headers.parts:
+        raise InputError(f"'{path}' is damaged: it has no parts; render or copy it again.")
+    return headers
+
+
+def _read_file(path: Path) -> Any:
+    """Return an OpenEXR.File with every channel by itself, checked as `read_raw` says."""
+    headers = _read_headers(path)
     try:
         with _quiet():
             file = OpenEXR.File(str(path), separate_channels=True)
     except Exception as error:
         raise InputError(f"'{path}' is damaged ({_first_line(error)}); render or copy it again.") from error
     # The module drops a part that it cannot decode and only prints a warning.
-    if len(file.parts) < len(headers.parts) or not file.parts:
+    if len(file.parts) < len(headers.parts):
         raise InputError(f"'{path}' is damaged: its pixels cannot be decoded; render or copy it again.")
     return file
 
