@@ -1,6 +1,10 @@
 """The extension's command for a Blender that has not got it installed, or got it under any repository's name.
 
 blender -b scene.blend --python-exit-code 1 --python farm/run.py -- render --frames 1-4 --output out/####.exr
+
+With Blender as a Python module, bpy, the .blend file is named by --blend:
+
+python farm/run.py --blend scene.blend render --frames 1-4 --output out/####.exr
 """
 
 from __future__ import annotations
@@ -15,6 +19,9 @@ from types import ModuleType
 import bpy
 
 PACKAGE = "potmesil_camera"
+
+MISSING_INPUT = 3
+"""As potmesil_addon.errors has it, which may not be loaded yet."""
 
 
 def load_extension() -> ModuleType:
@@ -44,11 +51,23 @@ def load_extension() -> ModuleType:
     return package
 
 
+def open_blend(path: str) -> None:
+    """Open a .blend file, whose scripts stay off, or end with the status of missing input."""
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(Path(path).absolute()), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        print(f"Error: {' '.join(str(error).removeprefix('Error:').split())}", file=sys.stderr)
+        raise SystemExit(MISSING_INPUT) from error
+
+
 def main() -> int:
-    """Run the command with the words after ``--``."""
+    """Run the command with the words after ``--``, or those after the script's name."""
+    arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
     package = load_extension()
+    if arguments[:1] == ["--blend"] and len(arguments) > 1:
+        open_blend(arguments[1])
+        arguments = arguments[2:]
     command = importlib.import_module(f"{package.__name__}.operators.command")
-    arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
     return command.main(arguments)
 
 

@@ -10,13 +10,13 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..potmesil_addon.errors import InputError, OutputError, PotmesilError
-from ..potmesil_addon.files import whole_file
 from .composite import composite, refuse_unready, render_now
 from .export import export_samples, refuse_errors
 from .job import render_as_job
 from .motion import kept_scene
+from .output import output_path, refuse_output, save_image
 from .process import process_samples
-from .scene import is_writable, samples_path, samples_template
+from .scene import samples_path, samples_template
 from .stage import stage_scene
 from .work import SteppedOperator, begin_frames, by_frames, frame_done
 
@@ -98,7 +98,7 @@ def _written_frames(
         If a frame cannot be made; the sentence names it. Frames before it stay.
     """
     scene = context.scene
-    _refuse_output(scene)
+    refuse_output(scene)
     if renders:
         refuse_errors(scene)
     else:
@@ -145,18 +145,7 @@ def _frame_steps(
                 image: bpy.types.Image = stop.value
                 break
             yield start + (1.0 - start) * share
-        with whole_file(target) as part:
-            try:
-                image.save_render(str(part), scene=scene)
-            except RuntimeError as error:
-                reason = " ".join(str(error).split())
-                text = rpt_("Cannot write '{path}' ({reason}); check the output settings.")
-                raise OutputError(text.format(path=target, reason=reason)) from error
-
-
-def output_path(scene: bpy.types.Scene, frame: int) -> Path:
-    """Return where the picture of a frame belongs, as the output settings say."""
-    return Path(bpy.path.abspath(scene.render.frame_path(frame=frame)))
+        save_image(image, scene, target)
 
 
 def _render(operator: SteppedOperator | None) -> Callable[[bpy.types.Scene], Iterator[float]]:
@@ -197,30 +186,6 @@ def _placeholder(scene: bpy.types.Scene, path: Path) -> Iterator[None]:
         with contextlib.suppress(OSError):
             if made and path.stat().st_size == 0:
                 path.unlink()
-
-
-def _refuse_output(scene: bpy.types.Scene) -> None:
-    """Raise InputError where frames cannot be written as the output settings say."""
-    render = scene.render
-    if render.is_movie_format:
-        raise InputError(
-            "Frames are written as images and not as a movie; choose an image format in the output "
-            "properties, or add a stage."
-        )
-    if render.image_settings.file_format == "OPEN_EXR_MULTILAYER":
-        raise InputError(
-            "The picture has one layer; choose OpenEXR, not OpenEXR MultiLayer, in the output properties, or "
-            "add a stage."
-        )
-    if render.filepath.startswith("//") and not bpy.data.filepath:
-        raise InputError(
-            "The output path is relative to a .blend file that was never saved; save the file, or choose "
-            "another output path."
-        )
-    folder = output_path(scene, scene.frame_start).parent
-    if not is_writable(folder):
-        text = rpt_("Cannot write frames into '{folder}'; choose another output path.")
-        raise OutputError(text.format(folder=folder))
 
 
 def refuse_one_file(scene: bpy.types.Scene) -> None:

@@ -123,7 +123,10 @@ def render_samples(context: bpy.types.Context, path: Path) -> None:
 
 
 def export_samples(
-    scene: bpy.types.Scene, path: Path, render: Callable[[bpy.types.Scene], Iterator[float]]
+    scene: bpy.types.Scene,
+    path: Path,
+    render: Callable[[bpy.types.Scene], Iterator[float]],
+    more: Mapping[str, str] | None = None,
 ) -> Iterator[float]:
     """Render the current frame and save its samples: follow what moves, render every view, write one file.
 
@@ -207,8 +210,9 @@ def export_samples(
         layers = [] if seen is None else seen.layers(rendered, companions, margins)
         filters = (pixel_variance, sample_variance)
         annotate_render(
-            scene, rendered, path, motion, filters, companions, margins, layers, keep_light_passes=keeps_light
-        )
+            scene, rendered, path, motion, filters, companions, margins, layers, more,
+            keep_light_passes=keeps_light,
+        )  # fmt: skip
 
 
 def _rendering(frame: int, number: int, count: int) -> str:
@@ -228,6 +232,7 @@ def annotate_render(
     companions: Mapping[str, Path] | None = None,
     margins: tuple[int, int] = (0, 0),
     seen: Sequence[SampleLayer] = (),
+    more: Mapping[str, str] | None = None,
     *,
     keep_light_passes: bool = True,
 ) -> None:
@@ -247,6 +252,8 @@ def annotate_render(
         Of the pixel filter that is wanted, and of the one that the samples were rendered with.
     companions, margins, seen, keep_light_passes
         Other views, overscan, and what mirrors and glass show: see `exr.annotate`.
+    more : mapping of str to str, optional
+        Further attributes.
 
     Raises
     ------
@@ -264,6 +271,7 @@ def annotate_render(
     if variances[0] is not None:
         filters = {"pixel_variance": variances[0], "sample_variance": variances[1]}
         attributes["potmesil:filter"] = json.dumps(filters)
+    attributes.update(more or {})
     exr.annotate(rendered, path, attributes, companions, margins, seen, keep_light_passes=keep_light_passes)
 
 

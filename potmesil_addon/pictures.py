@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -113,6 +113,11 @@ class PicturePaths:
         OutputError
             If a file cannot be written.
         """
+        self.write_beside(result, samples, mark, source)
+        write_result(self.output, result, samples, mark)
+
+    def write_beside(self, result: Result, samples: Samples, mark: Mark, source: Path) -> None:
+        """Write the maps and the report of a picture that is written otherwise; see `write`."""
         for path, values in ((self.mask, result.guessed), (self.error_map, result.predicted_error)):
             if path is not None:
                 write_map(path, values, result, samples, mark)
@@ -125,7 +130,6 @@ class PicturePaths:
             }
             named = {name: None if path is None else str(path) for name, path in files.items()}
             write_json(self.report, named | result.report)
-        write_result(self.output, result, samples, mark)
 
 
 def refuse_replacing(pictures: Sequence[PicturePaths], sources: Iterable[Path]) -> None:
@@ -143,8 +147,7 @@ def picture_mark(
     settings: ProcessSettings,
     layers: tuple[str, ...] | None,
     source: Path,
-    *,
-    header: dict[str, Any] | None = None,
+    more: Mapping[str, Any] | None = None,
 ) -> Mark:
     """Return how a picture is made: with which settings, and from which samples.
 
@@ -156,8 +159,8 @@ def picture_mark(
         The view layers that are taken.
     source : Path
         The samples file.
-    header : dict, optional
-        Its header, where that is known.
+    more : mapping, optional
+        What else changes the picture.
 
     Returns
     -------
@@ -169,16 +172,21 @@ def picture_mark(
     InputError
         If the samples file is missing or damaged.
     """
-    said = exr.read_header(source) if header is None else header
+    said = exr.read_header(source)
     rendered = said.get(SETTINGS_ATTRIBUTE)
     digest = said.get(exr.DIGEST_ATTRIBUTE)
     return Mark(
-        picture_hash(settings, layers, rendered if isinstance(rendered, str) else None),
+        picture_hash(settings, layers, rendered if isinstance(rendered, str) else None, more),
         digest if isinstance(digest, str) else file_digest(source),
     )
 
 
-def picture_hash(settings: ProcessSettings, layers: tuple[str, ...] | None, rendered: str | None) -> str:
+def picture_hash(
+    settings: ProcessSettings,
+    layers: tuple[str, ...] | None,
+    rendered: str | None,
+    more: Mapping[str, Any] | None = None,
+) -> str:
     """Return the hash of all settings behind a picture.
 
     Parameters
@@ -189,6 +197,8 @@ def picture_hash(settings: ProcessSettings, layers: tuple[str, ...] | None, rend
         The view layers that are taken.
     rendered : str or None
         Hash of the settings that the samples were rendered with, where that is known.
+    more : mapping, optional
+        What else changes the picture.
 
     Returns
     -------
@@ -205,7 +215,7 @@ def picture_hash(settings: ProcessSettings, layers: tuple[str, ...] | None, rend
         # A farm's machines may know a picture under other paths.
         if effect and effect.get("image"):
             effect["image"] = file_digest(Path(effect["image"]))
-    return settings_hash({"process": values, "layers": layers, "rendered": rendered})
+    return settings_hash({"process": values, "layers": layers, "rendered": rendered, **(more or {})})
 
 
 def write_result(path: Path, result: Result, samples: Samples, mark: Mark | None = None) -> None:

@@ -1,0 +1,88 @@
+"""Pictures written as the scene's output settings say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import bpy
+from bpy.app.translations import pgettext_rpt as rpt_
+
+from ..potmesil_addon.errors import InputError, OutputError
+from ..potmesil_addon.files import whole_file
+from .scene import is_writable
+
+
+def output_path(scene: bpy.types.Scene, frame: int) -> Path:
+    """Return where the picture of a frame belongs, as the output settings say."""
+    return Path(bpy.path.abspath(scene.render.frame_path(frame=frame)))
+
+
+def refuse_output(scene: bpy.types.Scene, *, layered: bool = False) -> None:
+    """Raise InputError where frames cannot be written as the output settings say.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    layered : bool
+        Whether the picture may have several layers.
+    """
+    render = scene.render
+    if render.is_movie_format:
+        raise InputError(
+            "Frames are written as images and not as a movie; choose an image format in the output "
+            "properties, or add a stage."
+        )
+    if render.image_settings.file_format == "OPEN_EXR_MULTILAYER" and not layered:
+        raise InputError(
+            "The picture has one layer; choose OpenEXR, not OpenEXR MultiLayer, in the output properties, or "
+            "add a stage."
+        )
+    if render.filepath.startswith("//") and not bpy.data.filepath:
+        raise InputError(
+            "The output path is relative to a .blend file that was never saved; save the file, or choose "
+            "another output path."
+        )
+    folder = output_path(scene, scene.frame_start).parent
+    if not is_writable(folder):
+        text = rpt_("Cannot write frames into '{folder}'; choose another output path.")
+        raise OutputError(text.format(folder=folder))
+
+
+def save_image(
+    image: bpy.types.Image,
+    scene: bpy.types.Scene,
+    path: Path,
+    texts: Mapping[str, str] | None = None,
+) -> None:
+    """Write an image in the format and with the view transform of a scene's output settings.
+
+    Parameters
+    ----------
+    image : Image
+        The image.
+    scene : Scene
+        Whose settings.
+    path : Path
+        The file; written whole or not at all.
+    texts : mapping of str to str, optional
+        What an EXR or PNG file's header says beside what Blender writes there.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    with whole_file(path) as part:
+        try:
+            image.save_render(str(part), scene=scene)
+        except RuntimeError as error:
+            reason = " ".join(str(error).split())
+            text = rpt_("Cannot write '{path}' ({reason}); check the output settings.")
+            raise OutputError(text.format(path=path, reason=reason)) from error
+        if texts and path.suffix.lower() in (".exr", ".png"):
+            from ..potmesil_addon import exr, png  # noqa: PLC0415 - see kernels
+
+            stamp = exr.stamp if path.suffix.lower() == ".exr" else png.stamp
+            stamp(part, texts)
