@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import errno
+import hashlib
 import os
+import platform
+import re
+import secrets
+import stat
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,51 +21,257 @@ from .errors import OutputError
 _STALE_AFTER: Final = 24 * 3600.0
 """Age in seconds from which a left-over part of a killed process is taken for abandoned."""
 
+_SWEEP_EVERY: Final = 3600.0
+"""Seconds after which a process looks again for abandoned parts in a folder; shares list slowly."""
+
+_PATIENCE: Final = 2.0
+"""Seconds for which a rename is tried again where another program has one of the files open."""
+
+_NAP: Final = 0.05
+"""Seconds between these tries."""
+
+_TRIES: Final = 8
+"""Names tried for a part; containers can have their host's name and all the same process id."""
+
+_NAME_BYTES: Final = 255
+"""Longest name of a file where the system does not tell."""
+
+_WINDOWS_PATH: Final = 259
+"""Longest path that all programs on Windows take."""
+
+_PART: Final = re.compile(r"\..*\.[A-Za-z0-9_-]+\.\d+(?:-[0-9a-f]+)?\.part", re.DOTALL)
+"""Names of parts, without the suffix: a dot, the stem, the host, the process, ``.part``."""
+
+_UNSUPPORTED: Final = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
+"""What file systems say that cannot flush a file or a folder."""
+
+_HELD: Final = (errno.EACCES, errno.EPERM, errno.EBUSY, errno.ETXTBSY)
+"""What Windows and its shares say of a rename while another program has one of the files open."""
+
+_ELSEWHERE: Final = "choose another folder"
+_NO_SHARE: Final = "check the connection to the network folder"
+
+_ADVICE: Final[dict[int, str]] = {
+    errno.ENOSPC: f"free space on the disk or {_ELSEWHERE}",
+    errno.EDQUOT: f"free space of yours on the disk or {_ELSEWHERE}",
+    errno.EFBIG: f"the disk or a limit of the system takes no file of this size, {_ELSEWHERE}",
+    errno.EROFS: f"the disk can only be read, {_ELSEWHERE}",
+    errno.EACCES: f"get the right to write there or {_ELSEWHERE}",
+    errno.EPERM: f"get the right to write there or {_ELSEWHERE}",
+    errno.EBUSY: "close the file where it is open",
+    errno.ETXTBSY: "close the file where it is open",
+    errno.ENOENT: "the folder was removed meanwhile, make it and the file again",
+    errno.EIO: "check the disk, and the connection to it",
+    errno.ESTALE: _NO_SHARE,
+    errno.ENOTCONN: _NO_SHARE,
+    errno.ETIMEDOUT: _NO_SHARE,
+    errno.EHOSTDOWN: _NO_SHARE,
+    errno.ENAMETOOLONG: "choose a shorter name",
+    errno.EILSEQ: "the disk does not take this name, choose another one",
+    errno.EINVAL: "the disk may not take this name, choose another one",
+    errno.EISDIR: "a folder has this name, choose another one",
+    errno.ENOTDIR: "a file has the name of the folder, choose another one",
+    errno.EEXIST: "a file has the name of the folder, choose another one",
+}
+"""What to do, by what the system says."""
+
+_LONGEST_SUFFIX: Final = 16
+"""What is longer, in characters, is not the kind of a file but the end of its name."""
+
+_swept: dict[str, float] = {}
+"""When this process looked for abandoned parts, by folder and suffix."""
+
+
+class _RefusedError(RuntimeError):
+    """Says what is wrong and what to do, in words of our own."""
+
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """Give a temporary path that becomes `path` only if the block ends without an error.
 
+    Whoever reads `path` meanwhile, and whenever the process is killed, sees the old file whole or the
+    new one. Several processes on several machines may write the same file: the last one wins.
+
     Parameters
     ----------
     path : Path
-        Where the file will be. Its folder is made if it is missing.
+        Where the file will be. Its folder is made if it is missing. Of a link, what it points to is written.
 
     Yields
     ------
     Path
-        A path in the same folder, to be written by the block.
+        A path in the same folder, ``.STEM.HOST.PID.part.SUFFIX``, of an empty file that the block writes.
 
     Raises
     ------
     OutputError
         If the folder or the file cannot be written. An older file at `path` is then as it was.
     """
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    part = None
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _remove_stale_parts(path)
+        _refuse_others(path)
+        place = Path(os.path.realpath(path)) if path.is_symlink() else path
+        place.parent.mkdir(parents=True, exist_ok=True)
+        part = _reserve(place)
+        _remove_stale_parts(part)
         yield part
-        with part.open("rb+") as stream:
-            os.fsync(stream.fileno())
-        part.replace(path)
+        _flush(part)
+        _put_in_place(part, place)
+        # Another process may have this name from here on.
+        part = None
+        _flush_folder(place.parent)
     except (OSError, RuntimeError) as error:
-        # The OpenEXR module reports what the system says as a RuntimeError.
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise OutputError(f"Cannot write '{path}': {reason}; check the folder and the disk.") from error
+        raise OutputError(f"Cannot write '{path}': {_reason(error, part)}.") from error
     finally:
-        with contextlib.suppress(OSError):
-            part.unlink()
+        if part is not None:
+            with contextlib.suppress(OSError):
+                part.unlink()
 
 
-def _remove_stale_parts(path: Path) -> None:
-    """Remove what a killed process left of the same file a day or more ago."""
-    for old in path.parent.glob(f".{_escape(path.stem)}.*.part{_escape(path.suffix)}"):
-        with contextlib.suppress(OSError):
-            if time.time() - old.stat().st_mtime > _STALE_AFTER:
-                old.unlink()
+def _refuse_others(path: Path) -> None:
+    """Raise an error where something is that a file must not replace: a folder, a device, a pipe."""
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(mode):
+        raise _RefusedError("it is a device or a pipe and no file; choose another name")
 
 
-def _escape(name: str) -> str:
-    """Return a glob pattern that matches a name and nothing else."""
-    return "".join(f"[{c}]" if c in "*?[" else c for c in name)
+def _reserve(path: Path) -> Path:
+    """Make the empty file that will be written, under a name that no other process has."""
+    tag = str(os.getpid())
+    for tries_left in reversed(range(_TRIES)):
+        part = path.with_name(_part_name(path, _host(), tag, _longest_name(path.parent)))
+        try:
+            os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        except FileExistsError:
+            if not tries_left:
+                raise
+            tag = f"{os.getpid()}-{secrets.token_hex(4)}"
+        else:
+            break
+    return part
+
+
+def _host() -> str:
+    """Return this machine's name as a part of a file's name."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", platform.node())[:64] or "host"
+
+
+def _longest_name(folder: Path) -> int:
+    """Return how many bytes the name of a file may have."""
+    told = 0
+    if sys.platform == "win32":
+        told = _WINDOWS_PATH - len(str(folder.absolute())) - 1
+    else:
+        with contextlib.suppress(OSError, ValueError):
+            told = os.pathconf(folder, "PC_NAME_MAX")
+    return min(told, _NAME_BYTES) if told > 0 else _NAME_BYTES
+
+
+def _part_name(path: Path, host: str, tag: str, longest: int) -> str:
+    """Return the name of a file's part; a stem that is too long or not UTF-8 is cut and gets a checksum.
+
+    What writes images takes no other names than UTF-8.
+    """
+    suffix = path.suffix if len(path.suffix) <= _LONGEST_SUFFIX else ""
+    end = f".{host}.{tag}.part{suffix}"
+    room = longest - len(f".{end}".encode(errors="surrogateescape"))
+    stem = path.name.removesuffix(suffix).encode(errors="surrogateescape")
+    kept = path.name.removesuffix(suffix).encode(errors="ignore")
+    if len(stem) > room or kept != stem:
+        checksum = hashlib.sha256(stem).hexdigest()[:8]
+        kept = kept[: max(room - 1 - len(checksum), 0)] + f"~{checksum}".encode()
+    return f".{kept.decode(errors='ignore')}{end}"
+
+
+def _remove_stale_parts(own: Path) -> None:
+    """Remove what killed processes left in a part's folder a day or more ago."""
+    now = time.monotonic()
+    key = f"{own.parent.absolute()}{os.sep}{own.suffix}"
+    if now - _swept.get(key, -_SWEEP_EVERY) < _SWEEP_EVERY:
+        return
+    _swept[key] = now
+    with contextlib.suppress(OSError):
+        # The clock that dates files on a share may be another one than this machine's.
+        today = own.stat().st_mtime
+        with os.scandir(own.parent) as entries:
+            names = [entry.name for entry in entries if entry.name.startswith(".")]
+        for name in names:
+            old = own.with_name(name)
+            if old.suffix == own.suffix and _PART.fullmatch(name.removesuffix(own.suffix)):
+                with contextlib.suppress(OSError):
+                    if today - old.lstat().st_mtime > _STALE_AFTER:
+                        old.unlink()
+
+
+def _flush(part: Path) -> None:
+    """Have a written file on the disk; what went wrong in the background is said here."""
+    with part.open("rb+") as stream:
+        if not os.fstat(stream.fileno()).st_size:
+            raise _RefusedError("nothing was written; check the disk")
+        try:
+            os.fsync(stream.fileno())
+        except OSError as error:
+            if error.errno not in _UNSUPPORTED:
+                raise
+
+
+def _put_in_place(part: Path, path: Path) -> None:
+    """Rename a file over another one, and wait a little for who has that one open."""
+    until = time.monotonic() + _PATIENCE
+    while True:
+        try:
+            part.replace(path)
+        except OSError as error:
+            if error.errno not in _HELD or not part.exists():
+                raise
+            if time.monotonic() > until:
+                raise _RefusedError(
+                    f"{_said(error)}; close the file where it is open or get the right to replace it"
+                ) from error
+            time.sleep(_NAP)
+        else:
+            return
+
+
+def _flush_folder(folder: Path) -> None:
+    """Have a rename on the disk, where the system flushes folders."""
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    try:
+        number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError:  # who may write into a folder need not have the right to list it
+        return
+    try:
+        os.fsync(number)
+    except OSError as error:
+        if error.errno not in _UNSUPPORTED:
+            raise
+    finally:
+        os.close(number)
+
+
+def _said(error: OSError) -> str:
+    return error.strerror or type(error).__name__
+
+
+def _reason(error: OSError | RuntimeError, part: Path | None) -> str:
+    """Return what the system says, and what to do."""
+    if isinstance(error, OSError):
+        advice = _ADVICE.get(error.errno or 0, "check the folder and the disk")
+        return f"{_said(error)}; {advice}"
+    if isinstance(error, _RefusedError):
+        return str(error)
+    # OpenEXR and Blender say what the system said amid words of their own.
+    text = " ".join(str(error).split()).removesuffix(".")
+    if part is not None:
+        text = text.replace(str(part), "")
+    for code, advice in _ADVICE.items():
+        if os.strerror(code) in text:
+            return f"{os.strerror(code)}; {advice}"
+    return f"{text}; check the folder and the disk"
