@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from .cut import is_cut
 from .errors import OutputError
 
 _STALE_AFTER: Final = 24 * 3600.0
@@ -36,8 +37,8 @@ _TRIES: Final = 8
 _NAME_BYTES: Final = 255
 """Longest name of a file where the system does not tell."""
 
-_WINDOWS_PATH: Final = 259
-"""Longest path that all programs on Windows take."""
+_PATH_BYTES: Final = 259 if sys.platform == "win32" else 1023
+"""Longest path that programs on Windows, elsewhere Blender, take; Blender cuts longer ones."""
 
 _PART: Final = re.compile(r"\..*\.[A-Za-z0-9_-]+\.\d+(?:-[0-9a-f]+)?\.part", re.DOTALL)
 """Names of parts, without the suffix: a dot, the stem, the host, the process, ``.part``."""
@@ -74,6 +75,9 @@ _ADVICE: Final[dict[int, str]] = {
     errno.EEXIST: "a file has the name of the folder, choose another one",
 }
 """What to do, by what the system says."""
+
+_PROBE: Final = 1 << 16
+"""Bytes by which a file is made longer to see why it could not be written."""
 
 _LONGEST_SUFFIX: Final = 16
 """What is longer, in characters, is not the kind of a file but the end of its name."""
@@ -117,6 +121,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         _remove_stale_parts(part)
         yield part
         _flush(part)
+        refuse_cut(part)
         _put_in_place(part, place)
         # Another process may have this name from here on.
         part = None
@@ -127,6 +132,55 @@ def whole_file(path: Path) -> Iterator[Path]:
         if part is not None:
             with contextlib.suppress(OSError):
                 part.unlink()
+
+
+@contextlib.contextmanager
+def utf8_path(path: Path) -> Iterator[str]:
+    """Give a path of a file in UTF-8; Linux lets names be any bytes, and OpenEXR takes none but these.
+
+    Parameters
+    ----------
+    path : Path
+        A file that exists.
+
+    Yields
+    ------
+    str
+        The path, or another one under which the file can be opened.
+
+    Raises
+    ------
+    OSError
+        If the path is not in UTF-8 and the file cannot be opened.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        number = os.open(path, os.O_RDONLY)
+        try:
+            yield f"/dev/fd/{number}"
+        finally:
+            os.close(number)
+    else:
+        yield str(path)
+
+
+def refuse_cut(part: Path) -> None:
+    """Raise an error for an image that lacks its end; Blender's writers do not always say so.
+
+    Parameters
+    ----------
+    part : Path
+        What `whole_file` gave. It looks itself in the end; only who reads the image before needs to ask.
+
+    Raises
+    ------
+    OSError, RuntimeError
+        Of which `whole_file` makes a sentence.
+    """
+    if is_cut(part):
+        _grow(part)
+        raise _RefusedError(f"it was cut short; {_ADVICE[errno.ENOSPC]}")
 
 
 def _refuse_others(path: Path) -> None:
@@ -163,14 +217,14 @@ def _host() -> str:
 
 
 def _longest_name(folder: Path) -> int:
-    """Return how many bytes the name of a file may have."""
-    told = 0
-    if sys.platform == "win32":
-        told = _WINDOWS_PATH - len(str(folder.absolute())) - 1
-    else:
+    """Return how many bytes the name of a file may have in a folder."""
+    longest = _NAME_BYTES
+    if sys.platform != "win32":
         with contextlib.suppress(OSError, ValueError):
             told = os.pathconf(folder, "PC_NAME_MAX")
-    return min(told, _NAME_BYTES) if told > 0 else _NAME_BYTES
+            longest = told if 0 < told < longest else longest
+    left = _PATH_BYTES - len(os.fsencode(folder.absolute())) - 1
+    return min(longest, left) if left > 0 else longest
 
 
 def _part_name(path: Path, host: str, tag: str, longest: int) -> str:
@@ -214,11 +268,24 @@ def _flush(part: Path) -> None:
     with part.open("rb+") as stream:
         if not os.fstat(stream.fileno()).st_size:
             raise _RefusedError("nothing was written; check the disk")
-        try:
-            os.fsync(stream.fileno())
-        except OSError as error:
-            if error.errno not in _UNSUPPORTED:
-                raise
+        _sync(stream.fileno())
+
+
+def _sync(number: int) -> None:
+    """Have what was written to an open file or folder on the disk, where the file system can."""
+    try:
+        os.fsync(number)
+    except OSError as error:
+        if error.errno not in _UNSUPPORTED:
+            raise
+
+
+def _grow(part: Path) -> None:
+    """Raise OSError if a file that could not be written cannot be made longer either."""
+    with part.open("ab") as stream:
+        stream.write(bytes(_PROBE))
+        stream.flush()
+        _sync(stream.fileno())
 
 
 def _put_in_place(part: Path, path: Path) -> None:
@@ -248,10 +315,7 @@ def _flush_folder(folder: Path) -> None:
     except OSError:  # who may write into a folder need not have the right to list it
         return
     try:
-        os.fsync(number)
-    except OSError as error:
-        if error.errno not in _UNSUPPORTED:
-            raise
+        _sync(number)
     finally:
         os.close(number)
 
@@ -267,11 +331,16 @@ def _reason(error: OSError | RuntimeError, part: Path | None) -> str:
         return f"{_said(error)}; {advice}"
     if isinstance(error, _RefusedError):
         return str(error)
-    # OpenEXR and Blender say what the system said amid words of their own.
+    # OpenEXR and Blender say what the system said amid words of their own, or that there was an error.
     text = " ".join(str(error).split()).removesuffix(".")
     if part is not None:
         text = text.replace(str(part), "")
     for code, advice in _ADVICE.items():
         if os.strerror(code) in text:
             return f"{os.strerror(code)}; {advice}"
-    return f"{text}; check the folder and the disk"
+    if part is not None:
+        try:
+            _grow(part)
+        except OSError as found:
+            return _reason(found, None)
+    return f"{text}; check the folder, the disk and the output settings"
