@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Final
 
+_EXR: Final = b"\x76\x2f\x31\x01"
+_TILED, _DEEP, _MULTIPART = 0x200, 0x800, 0x1000
+_MOST_NAME: Final = 256
 _PNG: Final = b"\x89PNG\r\n\x1a\n"
 _JP2: Final = b"\x00\x00\x00\x0cjP  \r\n\x87\n"
 _AVIF: Final = b"ftypavif"
@@ -21,12 +25,12 @@ def is_cut(path: Path) -> bool:
     Parameters
     ----------
     path : Path
-        A file. PNG, JPEG, JPEG 2000, WebP, AVIF and, by its suffix, Targa are looked into.
+        A file. OpenEXR, PNG, JPEG, JPEG 2000, WebP, AVIF and, by its suffix, Targa are looked into.
 
     Returns
     -------
     bool
-        False for whole files and for those of other formats; those of OpenEXR's tell on reading.
+        False for whole files and for those of other formats.
 
     Raises
     ------
@@ -36,6 +40,11 @@ def is_cut(path: Path) -> bool:
     with path.open("rb") as file:
         size = os.fstat(file.fileno()).st_size
         head = file.read(16)
+        if head.startswith(_EXR):
+            try:
+                return not _is_whole_exr(file, size)
+            except (ValueError, struct.error):
+                return True
         if head.startswith(_PNG):
             return not _is_whole_png(file, size)
         if head.startswith(b"RIFF"):
@@ -48,6 +57,67 @@ def is_cut(path: Path) -> bool:
         if path.suffix.lower() == ".tga":
             return _last(file, size, len(_TARGA_END)) != _TARGA_END
     return False
+
+
+def _is_whole_exr(file: IO[bytes], size: int) -> bool:
+    """Return whether all of an OpenEXR file's chunks are named in its tables, and the last one is there.
+
+    Raises
+    ------
+    ValueError, struct.error
+        If the headers or tables are not there.
+    """
+    file.seek(4)
+    flags = _integer(file)
+    if flags & _DEEP:
+        return True
+    tiled = []
+    while True:
+        header = dict(_attributes(file))
+        if not header:
+            break
+        tiled.append(header["type"].startswith(b"tiled") if "type" in header else bool(flags & _TILED))
+        if not flags & _MULTIPART:
+            break
+    # The tables of all parts stand together, and the first chunk behind them.
+    offsets = [size]
+    while file.tell() < min(offsets):
+        offsets.append(struct.unpack("<Q", file.read(8))[0])
+    last = max(offsets[1:], default=0)
+    if not last or min(offsets) < file.tell():
+        return False
+    file.seek(last)
+    part = _integer(file) if flags & _MULTIPART else 0
+    if not 0 <= part < len(tiled):
+        return False
+    file.seek(16 if tiled[part] else 4, os.SEEK_CUR)
+    return 0 <= _integer(file) <= size - file.tell()
+
+
+def _attributes(file: IO[bytes]) -> Iterator[tuple[str, bytes]]:
+    """Yield the attributes of an OpenEXR header, and leave the file behind it."""
+    while name := _text(file):
+        _text(file)
+        length = _integer(file)
+        if length < 0:
+            raise ValueError
+        # Previews and paths of what moves are long, and nothing here asks for them.
+        yield name, file.read(min(length, _MOST_NAME))
+        file.seek(max(length - _MOST_NAME, 0), os.SEEK_CUR)
+
+
+def _text(file: IO[bytes]) -> str:
+    found = bytearray()
+    while (byte := file.read(1)) != b"\0":
+        if not byte or len(found) == _MOST_NAME:
+            raise ValueError
+        found += byte
+    return found.decode("latin-1")
+
+
+def _integer(file: IO[bytes]) -> int:
+    value: int = struct.unpack("<i", file.read(4))[0]
+    return value
 
 
 def _is_whole_png(file: IO[bytes], size: int) -> bool:
@@ -75,7 +145,9 @@ def _boxes(file: IO[bytes], size: int) -> Iterator[int]:
     while start < size:
         file.seek(start)
         length = int.from_bytes(file.read(4), "big")
-        if length == 1:
+        if size - start < 8:
+            length = 8
+        elif length == 1:
             file.seek(start + 8)
             length = int.from_bytes(file.read(8), "big")
         elif not length:  # to the end of the file

@@ -166,7 +166,7 @@ def utf8_path(path: Path) -> Iterator[str]:
 
 
 def refuse_cut(part: Path) -> None:
-    """Raise an error for an image that lacks its end; Blender's writers do not always say so.
+    """Raise an error for an image that lacks its end; Blender's writers and OpenEXR do not always say so.
 
     Parameters
     ----------
@@ -265,9 +265,11 @@ def _remove_stale_parts(own: Path) -> None:
 
 def _flush(part: Path) -> None:
     """Have a written file on the disk; what went wrong in the background is said here."""
+    if not part.stat().st_size:
+        # OpenEXR does not say what becomes of its last bytes, which can be all.
+        _grow(part)
+        raise _RefusedError("nothing was written; check the disk")
     with part.open("rb+") as stream:
-        if not os.fstat(stream.fileno()).st_size:
-            raise _RefusedError("nothing was written; check the disk")
         _sync(stream.fileno())
 
 
