@@ -25,7 +25,7 @@ def is_cut(path: Path) -> bool:
     Parameters
     ----------
     path : Path
-        A file. OpenEXR, PNG, JPEG, JPEG 2000, WebP, AVIF and, by its suffix, Targa are looked into.
+        A file. OpenEXR, PNG, JPEG, JPEG 2000, WebP, AVIF, BMP and, by its suffix, Targa are looked into.
 
     Returns
     -------
@@ -52,6 +52,8 @@ def is_cut(path: Path) -> bool:
             return size < 8 + said + said % 2
         if head.startswith(_JP2) or head[4:12] == _AVIF:
             return sum(_boxes(file, size)) != size
+        if head.startswith(b"BM") and head[6:10] == bytes(4):
+            return size < int.from_bytes(head[2:6], "little")
         if head.startswith(b"\xff\xd8\xff"):
             return _last(file, size, 2) != b"\xff\xd9"
         if path.suffix.lower() == ".tga":

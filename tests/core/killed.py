@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
+import png
 
 from potmesil_addon import jit
 
@@ -92,12 +93,15 @@ class Series:
 
 
 def digest(path: Path) -> str:
-    """Return a digest of what a file holds: of an EXR file its pixels, of a report all but what it took."""
+    """Return a digest of what a file holds: of a picture its pixels, of a report all but what it took."""
     if path.suffix == ".json":
         report = json.loads(path.read_text())
         return repr([(key, value) for key, value in sorted(report.items()) if "seconds" not in key])
-    if path.suffix != ".exr":
-        return hashlib.blake2b(path.read_bytes()).hexdigest()
+    if path.suffix == ".png":
+        chunks = list(png.Reader(bytes=path.read_bytes()).chunks())
+        assert chunks[-1] == (b"IEND", b"")
+        # Blender writes the time into a text.
+        return hashlib.blake2b(b"".join(content for kind, content in chunks if kind == b"IDAT")).hexdigest()
     with OpenEXR.File(str(path), separate_channels=True) as file:
         found = hashlib.blake2b()
         for part in file.parts:

@@ -56,6 +56,7 @@ WHOLE: dict[str, Callable[[Path], object]] = {
     "picture.jp2": boxes(b"\x00\x00\x00\x0cjP  \r\n\x87\n"),
     "picture.avif": boxes(b"\x00\x00\x00\x10ftypavif" + bytes(4)),
     "picture.jpg": lambda path: path.write_bytes(b"\xff\xd8\xff\xe0" + bytes(20) + b"\xff\xd9"),
+    "picture.bmp": lambda path: path.write_bytes(b"BM" + (80).to_bytes(4, "little") + bytes(74)),
     "picture.tga": lambda path: path.write_bytes(bytes(18) + bytes(100) + b"TRUEVISION-XFILE.\x00"),
 }
 
