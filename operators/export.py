@@ -78,6 +78,11 @@ def borrow_for_render(borrowed: Borrowed, scene: bpy.types.Scene, *, compositing
     render = scene.render
     borrowed.set(render, "use_motion_blur", False)
     borrowed.set(render, "use_multiview", False)
+    try:
+        bpy.data.filepath.encode()
+    except UnicodeEncodeError:
+        # Blender would write it into the header, where OpenEXR reads UTF-8 alone.
+        borrowed.set(render, "use_stamp_filename", False)
     borrowed.set(scene.camera.data.dof, "use_dof", False)
     if not compositing:
         borrowed.set(render, "use_compositing", False)

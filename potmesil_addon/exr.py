@@ -29,7 +29,7 @@ import OpenEXR
 from .aperture import SAMPLE_POSITIONS
 from .camera import Camera, Film, without_scale
 from .errors import InputError, SettingsError
-from .files import whole_file
+from .files import utf8_path, whole_file
 from .lamps import Lamp, lamps_from_json
 from .lens import FloatArray, Lens
 from .passes import CRYPTOMATTES, FORWARD, LIGHT_PASSES, MAX_LEVELS, ChannelName, PassName, parse_channel
@@ -451,8 +451,7 @@ def annotate(
         part.header["compression"] = OpenEXR.ZIP_COMPRESSION
         if margins != (0, 0):
             part.header.update(_overscanned(part.header, np.array(margins, dtype=np.int32)))
-    with whole_file(destination) as part_path, _quiet():
-        file.write(str(part_path))
+    _write_file(file, destination)
 
 
 def _digest(file: Any, attributes: Mapping[str, Any]) -> str:
@@ -663,8 +662,12 @@ def write_picture(path: Path, picture: Float32Array, attributes: Mapping[str, An
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
     }
-    with whole_file(path) as part, _quiet():
-        OpenEXR.File(header, {"RGBA": np.ascontiguousarray(picture)}).write(str(part))
+    _write_file(OpenEXR.File(header, {"RGBA": np.ascontiguousarray(picture)}), path)
+
+
+def _write_file(file: Any, path: Path) -> None:
+    with whole_file(path) as part, utf8_path(part) as name, _quiet():
+        file.write(name)
 
 
 def _read_headers(path: Path) -> Any:
@@ -672,8 +675,8 @@ def _read_headers(path: Path) -> Any:
     if not path.is_file():
         raise InputError(f"'{path}' does not exist; give the path of a samples file.")
     try:
-        with _quiet():
-            headers = OpenEXR.File(str(path), header_only=True)
+        with utf8_path(path) as name, _quiet():
+            headers = OpenEXR.File(name, header_only=True)
     except Exception as error:  # the module raises RuntimeError, ValueError, UnicodeError ...
         raise InputError(
             f"'{path}' is not a readable OpenEXR file ({_first_line(error)}); render or copy it again."
@@ -689,8 +692,8 @@ def _read_file(path: Path) -> Any:
     """Return an OpenEXR.File with every channel by itself, checked as `read_raw` says."""
     headers = _read_headers(path)
     try:
-        with _quiet():
-            file = OpenEXR.File(str(path), separate_channels=True)
+        with utf8_path(path) as name, _quiet():
+            file = OpenEXR.File(name, separate_channels=True)
     except Exception as error:
         raise InputError(f"'{path}' is damaged ({_first_line(error)}); render or copy it again.") from error
     # The module drops a part that it cannot decode and only prints a warning.

@@ -10,6 +10,7 @@ import numpy as np
 import OpenEXR
 
 from .errors import InputError
+from .files import utf8_path
 from .samples import Float32Array
 
 MOST_SIDE: Final = 4096
@@ -91,10 +92,10 @@ def _check_size(path: Path, columns: int, rows: int) -> None:
 
 
 def _read_exr(path: Path) -> Any:
-    with OpenEXR.File(str(path), separate_channels=True, header_only=True) as header:
+    with utf8_path(path) as name, OpenEXR.File(name, separate_channels=True, header_only=True) as header:
         low, high = header.header()["dataWindow"]
     _check_size(path, int(high[0] - low[0]) + 1, int(high[1] - low[1]) + 1)
-    with OpenEXR.File(str(path), separate_channels=True) as file:
+    with utf8_path(path) as name, OpenEXR.File(name, separate_channels=True) as file:
         channels = {name.rpartition(".")[2]: channel.pixels for name, channel in file.channels().items()}
     # Premultiplied already.
     names = [name for name in ("R", "G", "B") if name in channels]
