@@ -25,7 +25,7 @@ from .pixel_filter import filter_down
 from .printer import defocus_evenly, fade
 from .progress import scaled
 from .psf import PsfSettings
-from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window
+from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window, mended
 from .scatter import Backend, uses_numba
 from .seen import put_together, spread_out, take_apart
 from .shadows import moved_shadows
@@ -185,6 +185,7 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
     """
     started = time.perf_counter()
     look_again(effect.image for effect in (settings.effects.pupil, settings.effects.image_filter) if effect)
+    samples = mended(samples)
     done: list[_Layer] = []
     focus = focus_settings(samples, settings) if settings.use_lens else None
     motion = motion_settings(samples, settings) if settings.use_motion else None

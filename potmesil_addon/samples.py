@@ -19,6 +19,12 @@ from .shutter import ShutterAttributes
 
 Float32Array = npt.NDArray[np.float32]
 
+BRIGHTEST: Final = 1e36
+"""Light past which a colour counts as this much, so that sums of some stay in single precision's range."""
+
+BRIGHT: Final = float(1 << 30)
+"""Light past which a sample tells nothing of those around it, and rounding in its sums would show there."""
+
 _POINT_VARIANCE: Final = 0.02
 """Variance in sample pixels squared below which a sample is a point, and mixes no surfaces."""
 
@@ -312,6 +318,66 @@ class Samples:
     def knows_motion(self) -> bool:
         """Whether paths or a vector pass say what moves."""
         return self.paths is not None or any(layer.vector is not None for layer in self.layers)
+
+
+def mended(samples: Samples) -> Samples:
+    """Return samples whose colours, depths and vectors can all be calculated with.
+
+    What is not finite is replaced from its neighbours and counted in `Samples.repaired`; a depth of infinity
+    is none of that. A depth of 0 or less means that there is no surface. A file that was read has nothing of it.
+
+    Parameters
+    ----------
+    samples : Samples
+        Samples; they stay as they are.
+
+    Returns
+    -------
+    Samples
+        The same object where there is nothing to mend.
+    """
+    counts = dict(samples.repaired)
+    layers = tuple(_mended(layer, counts) for layer in samples.layers)
+    if all(new is old for new, old in zip(layers, samples.layers, strict=True)):
+        return samples
+    return replace(samples, layers=layers, repaired=counts)
+
+
+def _mended(layer: SampleLayer, counts: dict[str, int]) -> SampleLayer:
+    """Return a layer, with all that belongs to it, that can be calculated with; itself where it can be."""
+    changed: dict[str, Any] = {}
+    for name in ("color", "vector"):
+        values = getattr(layer, name)
+        # NaN is in no range.
+        if values is None or values.size == 0 or (values.max() <= BRIGHTEST and values.min() >= -BRIGHTEST):
+            continue
+        values = values.copy()
+        _counted(counts, name, repair(values, np.asarray(~np.isfinite(values).all(axis=2))))
+        changed[name] = np.clip(values, -BRIGHTEST, BRIGHTEST, dtype=np.float32)
+    depth = layer.depth
+    if depth is not None and depth.size > 0 and not depth.min() > 0.0:
+        with np.errstate(divide="ignore"):
+            inverse = np.where(depth <= 0.0, np.float32(0.0), np.float32(1.0) / depth)
+            _counted(counts, "depth", repair(inverse, np.isnan(depth)))
+            changed["depth"] = np.divide(1.0, inverse, dtype=np.float32)
+    for item in fields(layer):
+        value = getattr(layer, item.name)
+        if isinstance(value, SampleLayer):
+            changed[item.name] = _mended(value, counts)
+        elif item.name == "hidden":
+            changed[item.name] = tuple(_mended(view, counts) for view in value)
+    is_new = any(
+        value is not getattr(layer, name)
+        if name != "hidden"
+        else any(new is not old for new, old in zip(value, layer.hidden, strict=True))
+        for name, value in changed.items()
+    )
+    return replace(layer, **changed) if is_new else layer
+
+
+def _counted(counts: dict[str, int], what: str, number: int) -> None:
+    if number:
+        counts[what] = counts.get(what, 0) + number
 
 
 def repair(values: Float32Array, broken: npt.NDArray[np.bool_]) -> int:
