@@ -484,7 +484,8 @@ def _clean_color(
         for u in range(max(0, x - _WINDOW), min(columns, x + _WINDOW + 1)):
             if edge[v, u] or abs(radius[v, u] - wanted) > apart:
                 continue
-            if color[v, u, 0] + color[v, u, 1] + color[v, u, 2] > most:
+            light = color[v, u, 0] + color[v, u, 1] + color[v, u, 2]
+            if light > most or light < -BRIGHT:
                 continue
             w = 1.0 / (1.0 + (v - y) * (v - y) + (u - x) * (u - x))
             total += w
@@ -752,7 +753,11 @@ def _carry_along(
         bright = own[y, x, 0] + own[y, x, 1] + own[y, x, 2]
         most = max(0.0 if fresh else _BRIGHTER * (mean[0] + mean[1] + mean[2]), 2.0 * usual)
         # Most highlights are small: one beside an edge is not taken to go on behind it.
-        dimmed = most / bright if most < bright and (not fresh or bright > BRIGHT) else 1.0
+        dimmed = 1.0
+        if most < bright and not fresh:
+            dimmed = most / bright
+        elif abs(bright) > BRIGHT:
+            dimmed = min(most / abs(bright), 1.0)
         off = 0.0
         for c in range(3):
             off += (dimmed * own[y, x, c] - mean[c]) / 3.0

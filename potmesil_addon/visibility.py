@@ -344,8 +344,8 @@ def brightness_of_lights(color: Float32Array) -> float:
         Four times its mean, but for light that is out of all proportion.
     """
     light = color[..., :3]
-    if light.max(initial=0.0) > BRIGHT:
-        light = np.where(light > BRIGHT, np.float32(0.0), light)
+    if light.max(initial=0.0) > BRIGHT or light.min(initial=0.0) < -BRIGHT:
+        light = np.where(np.abs(light) > BRIGHT, np.float32(0.0), light)
     return _BRIGHT * float(light.mean())
 
 
