@@ -547,7 +547,8 @@ def _middle_depth(layer: SampleLayer) -> float:
     """Return the median depth of what a layer shows, to order layers front to back."""
     if layer.depth is None:
         return math.inf
-    shown = layer.depth[(layer.color[..., 3] > 0.0) & np.isfinite(layer.depth)]
+    # Light without alpha shows as well.
+    shown = layer.depth[layer.color.any(axis=2) & np.isfinite(layer.depth)]
     return float(np.median(shown)) if shown.size else math.inf
 
 

@@ -324,7 +324,7 @@ def mended(samples: Samples) -> Samples:
     """Return samples whose colours, depths and vectors can all be calculated with.
 
     What is not finite is replaced from its neighbours and counted in `Samples.repaired`; a depth of infinity
-    is none of that. A depth of 0 or less means that there is no surface. A file that was read has nothing of it.
+    is none of that. A depth of 0 or less means that there is no surface. Colours past 1e36 become that much.
 
     Parameters
     ----------
@@ -352,30 +352,41 @@ def _mended(layer: SampleLayer, counts: dict[str, int]) -> SampleLayer:
         if values is None or values.size == 0 or (values.max() <= BRIGHTEST and values.min() >= -BRIGHTEST):
             continue
         values = values.copy()
-        _counted(counts, name, repair(values, np.asarray(~np.isfinite(values).all(axis=2))))
+        count_repaired(counts, name, repair(values, np.asarray(~np.isfinite(values).all(axis=2))))
         changed[name] = np.clip(values, -BRIGHTEST, BRIGHTEST, dtype=np.float32)
-    depth = layer.depth
-    if depth is not None and depth.size > 0 and not depth.min() > 0.0:
-        with np.errstate(divide="ignore"):
-            inverse = np.where(depth <= 0.0, np.float32(0.0), np.float32(1.0) / depth)
-            _counted(counts, "depth", repair(inverse, np.isnan(depth)))
-            changed["depth"] = np.divide(1.0, inverse, dtype=np.float32)
+    if layer.depth is not None and layer.depth.size > 0 and not layer.depth.min() > 0.0:
+        depth = np.where(layer.depth <= 0.0, np.float32(np.inf), layer.depth)
+        count_repaired(counts, "depth", repair_depth(depth))
+        changed["depth"] = depth
     for item in fields(layer):
         value = getattr(layer, item.name)
         if isinstance(value, SampleLayer):
-            changed[item.name] = _mended(value, counts)
-        elif item.name == "hidden":
-            changed[item.name] = tuple(_mended(view, counts) for view in value)
-    is_new = any(
-        value is not getattr(layer, name)
-        if name != "hidden"
-        else any(new is not old for new, old in zip(value, layer.hidden, strict=True))
-        for name, value in changed.items()
-    )
-    return replace(layer, **changed) if is_new else layer
+            view = _mended(value, counts)
+            if view is not value:
+                changed[item.name] = view
+    hidden = tuple(_mended(view, counts) for view in layer.hidden)
+    if any(new is not old for new, old in zip(hidden, layer.hidden, strict=True)):
+        changed["hidden"] = hidden
+    return replace(layer, **changed) if changed else layer
 
 
-def _counted(counts: dict[str, int], what: str, number: int) -> None:
+def repair_depth(depth: Float32Array) -> int:
+    """Replace depths of NaN from their neighbours, in place, and return how many there were.
+
+    The mean is of inverse depths, so that infinity counts.
+    """
+    broken = np.isnan(depth)
+    if not broken.any():
+        return 0
+    inverse = np.divide(1.0, depth, dtype=np.float32)
+    count = repair(inverse, broken)
+    with np.errstate(divide="ignore"):
+        depth[broken] = 1.0 / inverse[broken]
+    return count
+
+
+def count_repaired(counts: dict[str, int], what: str, number: int) -> None:
+    """Add to the number of values of a kind that were replaced."""
     if number:
         counts[what] = counts.get(what, 0) + number
 

@@ -421,7 +421,12 @@ def _mean_around(color: Float32Array, source: Mask, wanted: Mask) -> Float32Arra
     return filled_in(np.asarray(mean, dtype=np.float32), near, wanted & ~near)
 
 
-def _unmixed(color: Float32Array, front: Float32Array, behind: Float32Array, label: Mask) -> Float32Array:
+def _unmixed(
+    color: Float32Array | FloatArray,
+    front: Float32Array | FloatArray,
+    behind: Float32Array | FloatArray,
+    label: Mask,
+) -> Float32Array:
     """Return a of C = a F + (1 - a) B by least squares over the colours.
 
     Where the colours do not tell, because F and B are alike or C lies off the line between them (an

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from potmesil_addon.camera import Film
 from potmesil_addon.errors import PotmesilError, SettingsError
-from potmesil_addon.lens import Lens
 from potmesil_addon.paths import CameraPath, MotionPaths, ObjectPath
 from potmesil_addon.process import ProcessSettings, Result, process
 from potmesil_addon.progress import run
@@ -82,7 +81,7 @@ def spread_by(samples: Samples, way: tuple[bool, bool, bool] = (True, False, Fal
 @pytest.mark.parametrize("distance", [0.0, -1.0, -math.inf])
 def test_no_lens_focuses_on_itself(distance: float) -> None:
     samples = odd(*painted(), lens=replace(LENS, focus_distance=distance))
-    with pytest.raises(SettingsError, match="^Focus distance must be a number greater than 0, not"):
+    with pytest.raises(SettingsError, match="Focus distance must be a number greater than 0"):
         done(samples, (True, True, True))
 
 
@@ -153,10 +152,9 @@ def test_light_without_alpha_is_added() -> None:
         assert picture[..., 3].max() == 0.0
         assert picture[12, 16].max() < 1.0
         np.testing.assert_allclose(picture[..., :3].sum(axis=(0, 1)), 5.0, rtol=1e-5)
-    behind = Samples(
-        (SampleLayer("glow", glow, np.full(glow.shape[:2], 2.0, np.float32)), SampleLayer("far", color, depth)),
-        *([odd(color, depth).data_window] * 2), lens=LENS, film=odd(color, depth).film,
-    )  # fmt: skip
+    near = np.full(glow.shape[:2], 2.0, dtype=np.float32)
+    layers = SampleLayer("far", color, depth), SampleLayer("glow", glow, near)
+    behind = replace(odd(color, depth), layers=layers)
     both = spread_by(behind)
     parts = [spread_by(replace(behind, layers=(layer,))) for layer in behind.layers]
     np.testing.assert_allclose(both, parts[0] + parts[1], rtol=1e-5, atol=1e-6)
@@ -289,7 +287,7 @@ def line_of_objects(count: int, index: Any) -> tuple[Samples, Any]:
 
 
 @pytest.mark.parametrize(
-    ("count", "index"), [(1000, lambda n: 7), (9, lambda n: 32768 + n), (9, lambda n: 2**31 - 1 - n)]
+    ("count", "index"), [(1000, lambda _: 7), (9, lambda n: 32768 + n), (9, lambda n: 2**31 - 1 - n)]
 )
 def test_objects_are_told_apart_whatever_their_indices(count: int, index: Any) -> None:
     samples, number = line_of_objects(count, index)
@@ -324,14 +322,14 @@ def odd_samples(draw: st.DrawFn) -> Samples:
     depths = draw(st.lists(st.sampled_from(_ODD_DEPTHS), min_size=1, max_size=3))
     depth = np.array(depths)[rng.integers(len(depths), size=(-(-rows // 5), -(-columns // 5)))]
     depth = np.repeat(np.repeat(depth, 5, axis=0), 5, axis=1)[:rows, :columns]
-    vector = draw(st.sampled_from([None, (4.0, 1.0, 4.0, 1.0), (0.0, 0.0, 1e6, 0.0), (math.nan,) * 4]))
+    vector = draw(st.sampled_from([None, (4.0, 1.0, 4.0, 1.0), (0.0, 0.0, 60.0, 0.0), (math.nan,) * 4]))
     lens = LensAttributes(
         0.05, draw(st.sampled_from([0.1, 2.8, 128.0])), draw(st.sampled_from([0.0, 0.03, 3.0, math.inf]))
     )
     return odd(color, depth, vector, lens)
 
 
-@settings(max_examples=40)
+@settings(max_examples=30)
 @given(samples=odd_samples(), way=st.sampled_from(WAYS))
 def test_pairs_of_odd_things(samples: Samples, way: tuple[bool, bool, bool]) -> None:
     pictures = []
