@@ -529,11 +529,12 @@ def _aperture(samples: Samples, settings: ProcessSettings) -> Lens:
 
 
 def _known(wanted: float | None, stored: float | None, name: str, option: str | None = None) -> float:
-    value = _first(wanted, stored, math.nan)
+    option = option or "--" + name.replace(" ", "-")
+    value = wanted if wanted is not None else stored
+    if value is None:
+        raise SettingsError(f"The file does not say the {name}; give {option}.")
     if math.isnan(value):
-        raise SettingsError(
-            f"The file does not say the {name}; give {option or '--' + name.replace(' ', '-')}."
-        )
+        raise SettingsError(f"The {name} must be a number, not nan; give {option}.")
     return value
 
 
