@@ -135,7 +135,7 @@ def kept_scene(scene: bpy.types.Scene) -> Iterator[None]:
         yield
     finally:
         if (scene.frame_current, scene.frame_subframe) != (frame, subframe):
-            scene.frame_set(frame, subframe=subframe)
+            go_to(scene, frame + subframe)
         for item, path, value in before:
             # What was deleted in the meantime is left alone.
             with contextlib.suppress(ReferenceError):
@@ -145,6 +145,22 @@ def kept_scene(scene: bpy.types.Scene) -> Iterator[None]:
         with contextlib.suppress(ReferenceError):
             if scene.camera != camera:
                 scene.camera = camera
+
+
+def go_to(scene: bpy.types.Scene, time: float) -> None:
+    """Evaluate a scene at a time in frames.
+
+    Before frame 0 Blender says a time as the next whole frame and a negative rest, which it does not take
+    when it is given one.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    time : float
+        Frame and the part of one after it.
+    """
+    scene.frame_set(math.floor(time), subframe=time - math.floor(time))
 
 
 def sample_motion(scene: bpy.types.Scene) -> Generator[float, None, SampledMotion]:
@@ -232,7 +248,7 @@ class _Sampler:
 
     def __init__(self, scene: bpy.types.Scene) -> None:
         self.scene = scene
-        self.frame, self.subframe = scene.frame_current, scene.frame_subframe
+        self.now = scene.frame_current + scene.frame_subframe
         self.rendered = _rendered_names(scene)
         self.cameras: dict[float, FloatArray] = {}
         self.matrices: dict[float, npt.NDArray[np.float64]] = {}
@@ -249,7 +265,7 @@ class _Sampler:
         assert shutter is not None
         interval = shutter.interval
         begin, end = min(-1.0, *interval), max(1.0, *interval)
-        now = self.frame + self.subframe
+        now = self.now
         # A simulation steps from each whole frame to the next one only.
         whole = _rounded(n - now for n in range(math.ceil(now + begin), math.floor(now + end) + 1))
         times = whole | _rounded((*_FIRST_TIMES, begin, end, *interval))
@@ -262,12 +278,11 @@ class _Sampler:
         """Evaluate the scene at a time and write down where everything is."""
         scene = self.scene
         if time == 0.0:
-            scene.frame_set(self.frame, subframe=self.subframe)
+            go_to(scene, self.now)
             # After the evaluation, since a marker may choose the camera.
             self.camera_object = scene.camera
         else:
-            at = self.frame + self.subframe + time
-            scene.frame_set(math.floor(at), subframe=at - math.floor(at))
+            go_to(scene, self.now + time)
         graphs = [layer.depsgraph for layer in scene.view_layers if layer.use]
         if time == 0.0:
             self._begin(graphs)

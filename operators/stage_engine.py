@@ -23,7 +23,7 @@ from . import kernels, stage
 from .borrow import Borrowed
 from .composite import Outcome
 from .export import annotate_render, borrow_for_render, refuse_errors, samples_path, save_render
-from .motion import SampledMotion, kept_scene, sample_motion
+from .motion import SampledMotion, go_to, kept_scene, sample_motion
 from .process import by_turns, known_picture, scene_settings
 from .sampling import filter_variance
 from .scene import frame_format
@@ -109,7 +109,7 @@ def begin_frame(scene: bpy.types.Scene, *_: Any) -> None:
                 from ..potmesil_addon.progress import run  # noqa: PLC0415 - see kernels
 
                 job.motion = run(sample_motion(scene))
-            scene.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+            go_to(scene, scene.frame_current + scene.frame_subframe)
             graph = next(layer.depsgraph for layer in scene.view_layers if layer.use)
             job.settings = scene_settings(scene, graph)
     except PotmesilError as error:

@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from . import jit
-from .samples import Cryptomatte, Float32Array
+from .samples import BRIGHT, Cryptomatte, Float32Array
 
 # Bits of `jumps`: to which neighbour the depth jumps.
 LEFT: Final = 1
@@ -75,6 +75,9 @@ _BRIGHTER: Final = 3.0
 
 _TEXTURE: Final = 3.0
 """Pixels over which errors of what was carried on are taken to go together."""
+
+_MOST_SQUARE: Final = 1e30
+"""Most that a square of light counts when it is added up in single precision."""
 
 _LEAST_DOUBT: Final = 0.03
 """Least error of an edge pixel's shares."""
@@ -481,7 +484,8 @@ def _clean_color(
         for u in range(max(0, x - _WINDOW), min(columns, x + _WINDOW + 1)):
             if edge[v, u] or abs(radius[v, u] - wanted) > apart:
                 continue
-            if color[v, u, 0] + color[v, u, 1] + color[v, u, 2] > most:
+            light = color[v, u, 0] + color[v, u, 1] + color[v, u, 2]
+            if light > most or light < -BRIGHT:
                 continue
             w = 1.0 / (1.0 + (v - y) * (v - y) + (u - x) * (u - x))
             total += w
@@ -692,14 +696,15 @@ def _own_colors(color: Float32Array, radius: Float32Array, found: Fragments) -> 
 
 @jit.kernel(parallel=True)
 def _add_roots(color: Any, sums: Any) -> None:
-    """Add up the square roots of the colours of each row."""
+    """Add up the square roots of the colours of each row, but for those that tell nothing of the others."""
     rows, columns = color.shape[:2]
     for row in jit.prange(rows):
         y: Any = np.int64(row)
         total = 0.0
         for x in range(columns):
             for c in range(3):
-                total += math.sqrt(max(color[y, x, c], 0.0))
+                if color[y, x, c] <= BRIGHT:
+                    total += math.sqrt(max(color[y, x, c], 0.0))
         sums[y] = total
 
 
@@ -746,9 +751,13 @@ def _carry_along(
             open_ += 1
         fresh = parts or last_y < 0
         bright = own[y, x, 0] + own[y, x, 1] + own[y, x, 2]
-        most = max(_BRIGHTER * (mean[0] + mean[1] + mean[2]), 2.0 * usual)
+        most = max(0.0 if fresh else _BRIGHTER * (mean[0] + mean[1] + mean[2]), 2.0 * usual)
         # Most highlights are small: one beside an edge is not taken to go on behind it.
-        dimmed = most / bright if most < bright and not fresh else 1.0
+        dimmed = 1.0
+        if most < bright and not fresh:
+            dimmed = most / bright
+        elif abs(bright) > BRIGHT:
+            dimmed = min(most / abs(bright), 1.0)
         off = 0.0
         for c in range(3):
             off += (dimmed * own[y, x, c] - mean[c]) / 3.0
@@ -775,7 +784,7 @@ def _carry_along(
         # guessed holds the weight of the nearest edge until all are known.
         level = (seen_color[top, 0] + seen_color[top, 1] + seen_color[top, 2]) / 3.0
         # doubt holds the sum of squares until all are known.
-        square = w * (seen_varies[top] + level * level)
+        square = min(w * (seen_varies[top] + level * level), _MOST_SQUARE)
         if weight[y, x] == 0.0 or (not alike and w > found.guessed[1, y, x]):
             weight[y, x] = w
             found.doubt[1, y, x] = square

@@ -25,7 +25,7 @@ from .pixel_filter import filter_down
 from .printer import defocus_evenly, fade
 from .progress import scaled
 from .psf import PsfSettings
-from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window
+from .samples import Float32Array, LensAttributes, SampleLayer, Samples, Window, mended
 from .scatter import Backend, uses_numba
 from .seen import put_together, spread_out, take_apart
 from .shadows import moved_shadows
@@ -185,6 +185,7 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
     """
     started = time.perf_counter()
     look_again(effect.image for effect in (settings.effects.pupil, settings.effects.image_filter) if effect)
+    samples = mended(samples)
     done: list[_Layer] = []
     focus = focus_settings(samples, settings) if settings.use_lens else None
     motion = motion_settings(samples, settings) if settings.use_motion else None
@@ -528,11 +529,12 @@ def _aperture(samples: Samples, settings: ProcessSettings) -> Lens:
 
 
 def _known(wanted: float | None, stored: float | None, name: str, option: str | None = None) -> float:
-    value = _first(wanted, stored, math.nan)
+    option = option or "--" + name.replace(" ", "-")
+    value = wanted if wanted is not None else stored
+    if value is None:
+        raise SettingsError(f"The file does not say the {name}; give {option}.")
     if math.isnan(value):
-        raise SettingsError(
-            f"The file does not say the {name}; give {option or '--' + name.replace(' ', '-')}."
-        )
+        raise SettingsError(f"The {name} must be a number, not nan; give {option}.")
     return value
 
 
@@ -546,7 +548,8 @@ def _middle_depth(layer: SampleLayer) -> float:
     """Return the median depth of what a layer shows, to order layers front to back."""
     if layer.depth is None:
         return math.inf
-    shown = layer.depth[(layer.color[..., 3] > 0.0) & np.isfinite(layer.depth)]
+    # Light without alpha shows as well.
+    shown = layer.depth[layer.color.any(axis=2) & np.isfinite(layer.depth)]
     return float(np.median(shown)) if shown.size else math.inf
 
 

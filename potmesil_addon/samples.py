@@ -19,6 +19,12 @@ from .shutter import ShutterAttributes
 
 Float32Array = npt.NDArray[np.float32]
 
+BRIGHTEST: Final = 1e36
+"""Light past which a colour counts as this much, so that sums of some stay in single precision's range."""
+
+BRIGHT: Final = float(1 << 30)
+"""Light past which a sample tells nothing of those around it, and rounding in its sums would show there."""
+
 _POINT_VARIANCE: Final = 0.02
 """Variance in sample pixels squared below which a sample is a point, and mixes no surfaces."""
 
@@ -312,6 +318,77 @@ class Samples:
     def knows_motion(self) -> bool:
         """Whether paths or a vector pass say what moves."""
         return self.paths is not None or any(layer.vector is not None for layer in self.layers)
+
+
+def mended(samples: Samples) -> Samples:
+    """Return samples whose colours, depths and vectors can all be calculated with.
+
+    What is not finite is replaced from its neighbours and counted in `Samples.repaired`; a depth of infinity
+    is none of that. A depth of 0 or less means that there is no surface. Colours past 1e36 become that much.
+
+    Parameters
+    ----------
+    samples : Samples
+        Samples; they stay as they are.
+
+    Returns
+    -------
+    Samples
+        The same object where there is nothing to mend.
+    """
+    counts = dict(samples.repaired)
+    layers = tuple(_mended(layer, counts) for layer in samples.layers)
+    if all(new is old for new, old in zip(layers, samples.layers, strict=True)):
+        return samples
+    return replace(samples, layers=layers, repaired=counts)
+
+
+def _mended(layer: SampleLayer, counts: dict[str, int]) -> SampleLayer:
+    """Return a layer, with all that belongs to it, that can be calculated with; itself where it can be."""
+    changed: dict[str, Any] = {}
+    for name in ("color", "vector"):
+        values = getattr(layer, name)
+        # NaN is in no range.
+        if values is None or values.size == 0 or (values.max() <= BRIGHTEST and values.min() >= -BRIGHTEST):
+            continue
+        values = values.copy()
+        count_repaired(counts, name, repair(values, np.asarray(~np.isfinite(values).all(axis=2))))
+        changed[name] = np.clip(values, -BRIGHTEST, BRIGHTEST, dtype=np.float32)
+    if layer.depth is not None and layer.depth.size > 0 and not layer.depth.min() > 0.0:
+        depth = np.where(layer.depth <= 0.0, np.float32(np.inf), layer.depth)
+        count_repaired(counts, "depth", repair_depth(depth))
+        changed["depth"] = depth
+    for item in fields(layer):
+        value = getattr(layer, item.name)
+        if isinstance(value, SampleLayer):
+            view = _mended(value, counts)
+            if view is not value:
+                changed[item.name] = view
+    hidden = tuple(_mended(view, counts) for view in layer.hidden)
+    if any(new is not old for new, old in zip(hidden, layer.hidden, strict=True)):
+        changed["hidden"] = hidden
+    return replace(layer, **changed) if changed else layer
+
+
+def repair_depth(depth: Float32Array) -> int:
+    """Replace depths of NaN from their neighbours, in place, and return how many there were.
+
+    The mean is of inverse depths, so that infinity counts.
+    """
+    broken = np.isnan(depth)
+    if not broken.any():
+        return 0
+    inverse = np.divide(1.0, depth, dtype=np.float32)
+    count = repair(inverse, broken)
+    with np.errstate(divide="ignore"):
+        depth[broken] = 1.0 / inverse[broken]
+    return count
+
+
+def count_repaired(counts: dict[str, int], what: str, number: int) -> None:
+    """Add to the number of values of a kind that were replaced."""
+    if number:
+        counts[what] = counts.get(what, 0) + number
 
 
 def repair(values: Float32Array, broken: npt.NDArray[np.bool_]) -> int:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from . import jit
 from .psf import PackedTables, TableAssignment
-from .samples import Float32Array
+from .samples import BRIGHT, Float32Array
 
 Backend = Literal["auto", "numba", "numpy"]
 
@@ -31,6 +31,9 @@ BAND_ROWS: Final = 32
 
 _WIDE: Final = 1 << 30
 """Farther left or right than any table."""
+
+_BRIGHT_RANGE: Final = 16
+"""Powers of two that lights summed together span at most."""
 
 _NO_LIGHT: Final = 1e-12
 """Weight below which no sample reached a pixel; rounding leaves some 1e-16 of the weights around it."""
@@ -199,6 +202,53 @@ def scatter(
     RuntimeError
         If numba is asked for and missing.
     """
+    if max(work.color.max(initial=0.0), -work.color.min(initial=0.0)) <= BRIGHT:
+        yield from _scatter(work, output, marks, backend)
+    else:
+        yield from _scatter_apart(work, output, marks, backend)
+
+
+def _scatter_apart(
+    work: Scatter, output: Float32Array, marks: Float32Array | None, backend: Backend
+) -> Iterator[float]:
+    """Scatter samples of which some are too bright to be summed with the others, in steps of brightness.
+
+    A sum cancels to about 1e-16 of the brightest light in it, which must not be seen where that light does
+    not reach.
+    """
+    mark_1, mark_2 = work.marks or np.zeros((2, *work.weight.shape), dtype=np.float32)
+    most = np.maximum(np.abs(work.color).max(axis=-1), np.abs(mark_2))
+    step = np.where(most > BRIGHT, (np.frexp(most / BRIGHT)[1] + _BRIGHT_RANGE - 1) // _BRIGHT_RANGE, 0)
+    steps = np.unique(np.append(step, 0))
+    part, parted = np.empty_like(output), np.empty((*work.shape, 2), dtype=np.float32)
+    total = np.zeros(output.shape)
+    for done, number in enumerate(steps):
+        here = step == number
+        own = replace(
+            work,
+            color=np.where(here[..., np.newaxis], work.color, np.float32(0.0)),
+            marks=(
+                mark_1 if number == 0 else here.astype(np.float32),
+                np.where(here, mark_2, np.float32(0.0)),
+            ),
+        )
+        for share in _scatter(own, part, parted, backend):
+            yield (done + share) / steps.size
+        if number > 0:
+            part[parted[..., 0] <= _NO_LIGHT] = 0.0
+            parted[parted[..., 0] <= _NO_LIGHT] = 0.0
+        total += part
+        if marks is not None and number == 0:
+            marks[:] = parted
+        elif marks is not None:
+            marks[..., 1] += parted[..., 1]
+    output[:] = total
+
+
+def _scatter(
+    work: Scatter, output: Float32Array, marks: Float32Array | None, backend: Backend
+) -> Iterator[float]:
+    """Scatter samples whose sums' rounding shows nowhere."""
     if not uses_numba(backend):
         yield from _scatter_numpy(work, output, marks)
         return
@@ -527,15 +577,15 @@ def _scatter_numpy(work: Scatter, output: Float32Array, marks: Float32Array | No
         primary = np.append(primary, primary[[1, 1]])
     height, columns = work.shape
     sheets, sample_rows, sample_columns = work.weight.shape
-    # A margin all round takes what falls outside, so no entry needs a test.
-    left = max(0, -work.origin[0]) + tables.reach_x
-    right = max(0, work.origin[0] + sample_columns - columns) + tables.reach_x
-    above = max(0, -work.origin[1]) - int(tables.first_row.min())
-    below = max(0, work.origin[1] + sample_rows - height) + int(tables.last_row.max())
+    # A margin takes what falls outside, so that few entries need a test: no wider than the picture, since
+    # circles may be far larger.
+    left = max(0, -work.origin[0]) + min(tables.reach_x, columns + sample_columns)
+    right = max(0, work.origin[0] + sample_columns - columns) + min(tables.reach_x, columns + sample_columns)
     stride = left + columns + right + 1
-    totals = np.zeros((3, (above + height + below) * stride, primary.size))
+    grid = _Grid(height, stride, left)
+    totals = np.zeros((3, height * stride, primary.size))
     row, column = np.divmod(np.arange(sample_rows * sample_columns), sample_columns)
-    place = (row + work.origin[1] + above) * stride + column + work.origin[0] + left
+    place = (row + work.origin[1]) * stride + column + work.origin[0] + left
     for sheet in range(sheets):
         color, weight = work.color[sheet].reshape(-1, 4), work.weight[sheet].reshape(-1)
         fraction = None if assignment.fraction is None else assignment.fraction[sheet].reshape(-1)
@@ -555,19 +605,19 @@ def _scatter_numpy(work: Scatter, output: Float32Array, marks: Float32Array | No
                 values = [color[samples] * w, np.repeat(w, tables.primaries, axis=1), *marked]
                 value = np.concatenate(values, axis=1).astype(np.float64)
                 if work.masks is None:
-                    _add_samples(tables, n, place[samples], value, stride, primary, totals[0])
+                    _add_samples(tables, n, place[samples], value, grid, primary, totals[0])
                     continue
                 number = work.masks.number[sheet].reshape(-1)[samples]
                 group = work.masks.group[sheet].reshape(-1)[samples]
                 for g, total in enumerate(totals):
                     which = np.flatnonzero((group == g) & (number < 0))
-                    _add_samples(tables, n, place[samples[which]], value[which], stride, primary, total)
+                    _add_samples(tables, n, place[samples[which]], value[which], grid, primary, total)
                     which = np.flatnonzero((group == g) & (number >= 0))
                     cells, at = work.masks.cells[number[which]], place[samples[which]]
-                    _add_masked(tables, n, at, value[which], stride, primary, total, work.masks, cells)
+                    _add_masked(tables, n, at, value[which], grid, primary, total, work.masks, cells)
             yield (sheet + (t + 1) / (tables.count + 1)) / sheets
     added = np.cumsum(totals.reshape(3, -1, stride, primary.size), axis=2)
-    whole, partly, behind = added[:, above : above + height, left : left + columns]
+    whole, partly, behind = added[:, :, left : left + columns]
     sums = np.r_[0:4, 4 + tables.primaries : primary.size]
     weights = 4 + primary[sums]
     light, below_line = whole[..., sums], whole[..., weights]
@@ -582,21 +632,68 @@ def _scatter_numpy(work: Scatter, output: Float32Array, marks: Float32Array | No
     yield 1.0
 
 
+class _Grid(NamedTuple):
+    """Rows of the picture with a margin on either side, one after the other.
+
+    Parameters
+    ----------
+    rows : int
+        Rows of the picture.
+    stride : int
+        Pixels of a row with its margins.
+    left : int
+        Pixels of the left margin.
+    """
+
+    rows: int
+    stride: int
+    left: int
+
+    def met(self, place: npt.NDArray[np.int64], down: int) -> slice:
+        """Return which of places in rising order lie in the picture's rows once they are moved down."""
+        first, last = np.searchsorted(place, [-down * self.stride, (self.rows - down) * self.stride])
+        return slice(int(first), int(last))
+
+    def add(
+        self,
+        total: npt.NDArray[np.float64],
+        line: npt.NDArray[np.int64],
+        at: int,
+        value: npt.NDArray[np.float64],
+    ) -> None:
+        """Add values `at` columns beside places, no two of them the same.
+
+        What begins left of the margin has begun at its edge, and what begins right of it is not seen.
+        """
+        column = line % self.stride + at
+        inside = (column >= 0) & (column < self.stride)
+        if inside.all():
+            total[line + at] += value
+            return
+        total[line[inside] + at] += value[inside]
+        before = column < 0
+        np.add.at(total, line[before] // self.stride * self.stride, value[before])
+
+
 def _add_samples(
     tables: PackedTables,
     t: int,
     place: npt.NDArray[np.int64],
     value: npt.NDArray[np.float64],
-    stride: int,
+    grid: _Grid,
     primary: npt.NDArray[np.int64],
     total: npt.NDArray[np.float64],
 ) -> None:
     """Add samples that share a table; no two have the same place, so plain indexing adds them all."""
     for j in range(int(tables.rows[t + 1] - tables.rows[t])):
-        line = place + (int(tables.first_row[t]) + j) * stride
+        down = int(tables.first_row[t]) + j
+        met = grid.met(place, down)
+        if met.start == met.stop:
+            continue
+        line, lit = place[met] + down * grid.stride, value[met]
         offset, delta = _row_entries(tables, t, j)
-        for at, entry in zip(offset, delta, strict=True):
-            total[line + at] += value * entry[primary]
+        for at, entry in zip(offset.tolist(), delta, strict=True):
+            grid.add(total, line, at, lit * entry[primary])
 
 
 def _row_entries(
@@ -617,7 +714,7 @@ def _add_masked(
     t: int,
     place: npt.NDArray[np.int64],
     value: npt.NDArray[np.float64],
-    stride: int,
+    grid: _Grid,
     primary: npt.NDArray[np.int64],
     total: npt.NDArray[np.float64],
     masks: Masks,
@@ -626,10 +723,13 @@ def _add_masked(
     """Add samples that share a table through their masks, cell by cell."""
     scale = _rows_of_cells(float(masks.radius_y[t]))
     for j in range(int(tables.rows[t + 1] - tables.rows[t])):
+        met = grid.met(place, int(tables.first_row[t]) + j)
+        if met.start == met.stop:
+            continue
         down = (int(tables.first_row[t]) + j + 0.5 - 0.5 * int(tables.mirror[t])) * scale
         cell_row = math.floor(down + 0.5 * CELLS)
-        row_bits = cells[:, min(max(cell_row, 0), CELLS - 1)]
-        line = place + (int(tables.first_row[t]) + j) * stride
+        row_bits = cells[met, min(max(cell_row, 0), CELLS - 1)]
+        line, light = place[met] + (int(tables.first_row[t]) + j) * grid.stride, value[met]
         offset, delta = _row_entries(tables, t, j)
         for cell in range(CELLS):
             lit = np.flatnonzero(row_bits >> cell & 1)
@@ -641,4 +741,4 @@ def _add_masked(
             entries.append((high, -delta[offset < high].sum(axis=0)))
             for at, entry in entries:
                 if abs(at) < _WIDE:
-                    total[line[lit] + at] += value[lit] * entry[primary]
+                    grid.add(total, line[lit], int(at), light[lit] * entry[primary])

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy import ndimage, spatial
 
 from .lens import FloatArray
-from .samples import Float32Array, SampleLayer, Samples, Window
+from .samples import BRIGHT, Float32Array, SampleLayer, Samples, Window
 from .tracks import Mask, Tracks, spread
 from .warp import NO_QUAD, NO_TRACK, QUAD, TORN_QUAD, VECTOR_TRACK, Background
 
@@ -40,6 +40,9 @@ _OFF_THE_LINE: Final = 0.2
 
 _PIXEL_FILTER: Final = (0.25, 0.5, 0.25)
 """About the weights that Cycles' default pixel filter gives three pixels in a row."""
+
+_SQUARES: Final = 1e15
+"""Light whose squares are past single precision's range."""
 
 _LEAST_OUTLINE: Final = 3
 """Pixels, each way, below which an object has no outline to speak of."""
@@ -170,7 +173,8 @@ def cut_out_movers(
     return (
         movers,
         np.where(uncovered[..., np.newaxis], behind, layer.color).astype(np.float32),
-        np.where(hole, filled[..., 4], depths).astype(np.float32),
+        # What is filled in lies behind the object that was seen there.
+        np.where(hole, np.minimum(filled[..., 4], depths[nearest]), depths).astype(np.float32),
         uncovered.astype(np.float32),
     )
 
@@ -346,6 +350,9 @@ def filled_in(values: Float32Array, known: Mask, wanted: Mask) -> Float32Array:
     ndarray of float32 of shape (rows, columns, channels)
         A copy, filled by averaging down to ever coarser grids until something is known, and back.
     """
+    if values.max(initial=0.0) > BRIGHT or values.min(initial=0.0) < -BRIGHT:
+        dim = known & (np.abs(values).max(axis=2) <= BRIGHT)
+        known = dim if dim.any() else known
     pyramid = [(np.where(known[..., np.newaxis], values, 0.0).astype(np.float32), known.astype(np.float32))]
     while not (pyramid[-1][1] > 0.0).all() and max(pyramid[-1][1].shape) > 1:
         pyramid.append(_halved(*pyramid[-1]))
@@ -395,6 +402,10 @@ def _no_movers(layer: SampleLayer, tracks: Tracks) -> Sheet:
 
 def _mean_around(color: Float32Array, source: Mask, wanted: Mask) -> Float32Array:
     """Return the mean colour of the sources within a few pixels, farther ones where there are none."""
+    if color.max(initial=0.0) > BRIGHT or color.min(initial=0.0) < -BRIGHT:
+        # The filter goes along a line with one sum, out of which these would leave more than there is else.
+        color = np.where(np.abs(color).max(axis=2, keepdims=True) > BRIGHT, np.float32(0.0), color)
+        source = source & (color[..., 3] > 0.0)
     weight = source.astype(np.float32)
     size = 2 * _EDGE + 3
     below = ndimage.uniform_filter(weight, size)
@@ -410,12 +421,19 @@ def _mean_around(color: Float32Array, source: Mask, wanted: Mask) -> Float32Arra
     return filled_in(np.asarray(mean, dtype=np.float32), near, wanted & ~near)
 
 
-def _unmixed(color: Float32Array, front: Float32Array, behind: Float32Array, label: Mask) -> Float32Array:
+def _unmixed(
+    color: Float32Array | FloatArray,
+    front: Float32Array | FloatArray,
+    behind: Float32Array | FloatArray,
+    label: Mask,
+) -> Float32Array:
     """Return a of C = a F + (1 - a) B by least squares over the colours.
 
     Where the colours do not tell, because F and B are alike or C lies off the line between them (an
     object with a pattern), it is the share of object among the labels around.
     """
+    if max(np.abs(values).max(initial=0.0) for values in (color, front, behind)) > _SQUARES:
+        color, front, behind = (values.astype(np.float64) for values in (color, front, behind))
     difference = front - behind
     size = (difference**2).sum(axis=2)
     along = ((color - behind) * difference).sum(axis=2)

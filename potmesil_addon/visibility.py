@@ -24,7 +24,7 @@ from .fragments import Fragments
 from .images import on_change
 from .lens import FloatArray, Lens
 from .pupil import transmission
-from .samples import Float32Array
+from .samples import BRIGHT, Float32Array
 from .scatter import CELLS
 
 Visibility = Literal["aperture", "none"]
@@ -341,9 +341,12 @@ def brightness_of_lights(color: Float32Array) -> float:
     Returns
     -------
     float
-        Four times its mean.
+        Four times its mean, but for light that is out of all proportion.
     """
-    return _BRIGHT * float(color[..., :3].mean())
+    light = color[..., :3]
+    if light.max(initial=0.0) > BRIGHT or light.min(initial=0.0) < -BRIGHT:
+        light = np.where(np.abs(light) > BRIGHT, np.float32(0.0), light)
+    return _BRIGHT * float(light.mean())
 
 
 class _Points(NamedTuple):
