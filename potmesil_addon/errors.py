@@ -8,6 +8,7 @@ EXIT_DONE: Final = 0
 EXIT_USAGE: Final = 2
 EXIT_INPUT: Final = 3
 EXIT_FAILED: Final = 4
+EXIT_MEMORY: Final = 33
 
 
 class PotmesilError(Exception):
@@ -36,3 +37,9 @@ class OutputError(PotmesilError):
     """A result could not be written."""
 
     exit_status: ClassVar[int] = EXIT_FAILED
+
+
+class MemoryLimitError(PotmesilError):
+    """The work takes more memory than it may have, also in small parts."""
+
+    exit_status: ClassVar[int] = EXIT_MEMORY

@@ -96,6 +96,8 @@ class ProcessSettings:
         Number of the frame, which has its own grain and noise.
     backend : {"auto", "numba", "numpy"}
         Implementation.
+    max_memory : int or None
+        Bytes that the process may have in all; see `bands`. The picture is the same.
 
     Raises
     ------
@@ -121,6 +123,7 @@ class ProcessSettings:
     effects: Effects = field(default_factory=Effects)
     frame: int = 0
     backend: Backend = "auto"
+    max_memory: int | None = None
 
     def __post_init__(self) -> None:
         for name, value in (("Uniform defocus", self.uniform_defocus), ("Fade", self.fade)):
@@ -182,6 +185,8 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
         If something that the lens needs is neither in the file nor in the settings.
     InputError
         If a layer lacks its depth.
+    MemoryLimitError
+        If the memory that the process may have is too little.
     """
     started = time.perf_counter()
     look_again(effect.image for effect in (settings.effects.pupil, settings.effects.image_filter) if effect)
@@ -429,6 +434,7 @@ def focus_settings(samples: Samples, settings: ProcessSettings) -> FocusSettings
         settings.visibility,
         settings.backend,
         _character(samples, settings),
+        settings.max_memory,
     )
 
 
