@@ -26,6 +26,23 @@ _LEAST_SHARE: Final = 0.125
 _KERNELS: Final = 64 * 2**20
 """Bytes that compiled kernels take, once they are loaded, and what is used along with them."""
 
+_PICTURE: Final = 28
+"""Bytes a pixel of a picture with its two maps, and a little more."""
+
+_SURVEY: Final = 60
+"""Bytes a sample of what is looked at before bands are made."""
+
+_LENS: Final = 48
+_SHEET: Final = 45
+_LENS_OF_SURFACES: Final = 50
+"""Bytes a sample of the focus processor where nothing is hidden, of each surface, and beside those."""
+
+_MOTION: Final = 240
+"""Bytes a sample of the motion processor once it is known what moves, at their most."""
+
+_FINISH: Final = 60
+"""Bytes a pixel from the processors' pictures to the finished one."""
+
 
 @dataclass(frozen=True, slots=True)
 class Need:
@@ -36,22 +53,25 @@ class Need:
     fixed : int
         Bytes, however few the rows.
     row : int
-        Bytes for each row of samples.
-    whole_row : int
-        Bytes for each row of all samples, where they are taken in bands.
+        Bytes for each row of samples that is worked on.
+    kept : int
+        Bytes for each row of the picture, however many are worked on.
+    survey : int
+        Bytes for each row while the whole picture is looked at, before there are bands.
     """
 
     fixed: int
     row: int
-    whole_row: int
+    kept: int
+    survey: int
 
     def whole(self, rows: int) -> int:
         """Return the bytes for a picture of some rows at once."""
-        return self.fixed + rows * self.row
+        return self.fixed + rows * (self.kept + self.row)
 
     def band(self, rows: int, height: int) -> int:
         """Return the bytes for a picture of some rows, of which so many are taken at a time."""
-        return self.fixed + rows * self.whole_row + height * self.row
+        return self.fixed + max(rows * self.survey, rows * self.kept + height * self.row)
 
     def fits(self, rows: int, limit: int) -> bool:
         """Return whether a picture can be made at once."""
@@ -106,10 +126,59 @@ def need_of_lens(settings: FocusSettings, *, sheets: int, columns: int) -> Need:
     sums = threads * BAND_ROWS * columns * channels * 8 * (3 if sheets else 1)
     # Of numpy's way the sums are those of all rows.
     of_rows = 0 if compiled else 3 * channels * 8 * 2 + 200
+    kept = columns * _PICTURE
     if sheets == 0:
-        return Need(_KERNELS + sums, columns * (48 + of_rows), columns * 24)
-    row = columns * (70 + 45 * sheets + 4 * threads + of_rows)
-    return Need(_KERNELS + sums, row, columns * 60)
+        return Need(_KERNELS + sums, columns * (_LENS + of_rows), kept, kept)
+    row = columns * (_LENS_OF_SURFACES + _SHEET * sheets + 4 * threads + of_rows)
+    return Need(_KERNELS + sums, row, kept, columns * _SURVEY)
+
+
+def check_motion(samples: int, limit: int | None) -> None:
+    """Refuse what the motion processor has no room for: it takes a picture as a whole.
+
+    Parameters
+    ----------
+    samples : int
+        Their number, in all sheets.
+    limit : int or None
+        Bytes that the process may have in all.
+
+    Raises
+    ------
+    MemoryLimitError
+        If there is not enough.
+    """
+    _check(_KERNELS + samples * _MOTION, limit)
+
+
+def check_picture(pixels: int, limit: int | None) -> None:
+    """Refuse a picture that there is no room to finish, whatever the processors take.
+
+    Parameters
+    ----------
+    pixels : int
+        Their number.
+    limit : int or None
+        Bytes that the process may have in all.
+
+    Raises
+    ------
+    MemoryLimitError
+        If there is not enough.
+    """
+    _check(pixels * _FINISH, limit)
+
+
+def _check(need: int, limit: int | None) -> None:
+    if limit is not None and resident() + need > limit:
+        raise _too_little(resident() + need, limit)
+
+
+def _too_little(need: int, limit: int) -> MemoryLimitError:
+    return MemoryLimitError(
+        f"This picture takes {need / 2**30:.2f} GiB of memory and {limit / 2**30:.2f} GiB is all that is "
+        "allowed; allow more, or make the picture smaller."
+    )
 
 
 def divide(rows: int, sample_rows: int, margin: int | None, need: Need, limit: int) -> list[tuple[int, int]]:
@@ -148,7 +217,4 @@ def divide(rows: int, sample_rows: int, margin: int | None, need: Need, limit: i
             least = min(least, taken)
             if taken <= limit:
                 return [(first, min(first + height, rows)) for first in range(0, rows, height)]
-    raise MemoryLimitError(
-        f"This picture takes {least / 2**30:.1f} GiB of memory, and {limit / 2**30:.1f} GiB is all there may "
-        "be; allow more or make a smaller picture."
-    )
+    raise _too_little(least, limit)

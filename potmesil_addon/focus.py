@@ -50,6 +50,7 @@ from .scatter import (
     uses_numba,
 )
 from .visibility import (
+    LARGE,
     MOST_RADIUS,
     ApertureCells,
     Visibility,
@@ -82,8 +83,11 @@ _LEAST_SIDE: Final = 2
 _ROWS_AT_ONCE: Final = 128
 """Rows whose depths are looked at together."""
 
-ALIGNED: Final = 16
-"""Rows of the largest blocks, squares and tiles."""
+_ALIGNED: Final = 16
+"""Rows of the largest blocks and tiles."""
+
+_SQUARE: Final = 8
+"""Rows of the largest squares of what may hide something."""
 
 _LEAST_WEIGHT: Final = 1e-6
 """Least 1/z^2 weight relative to the nearest sample's, so that a far background keeps some."""
@@ -229,7 +233,7 @@ def focus_layer(
     builder = PsfBuilder(settings.lens, settings.film, settings.model, settings.psf, samples.position, shape)
     picture = np.zeros((seen.rows, seen.columns, 4), dtype=np.float32)
     guessed, doubt = np.zeros((2, seen.rows, seen.columns), dtype=np.float32)
-    bands = _bands(layer, samples, builder, settings)
+    bands = _bands(layer, samples, builder, settings, turn)
     used: _Tables = {}
     done = 0.0
     for band in bands:
@@ -267,7 +271,7 @@ class _Band:
 
 
 def _bands(
-    layer: SampleLayer, samples: Samples, builder: PsfBuilder, settings: FocusSettings
+    layer: SampleLayer, samples: Samples, builder: PsfBuilder, settings: FocusSettings, turn: int | None
 ) -> Iterator[_Band]:
     """Return the bands that a picture is made in: one, or as many as it takes to keep to the memory."""
     seen, data = _seen_window(samples), samples.data_window
@@ -282,7 +286,7 @@ def _bands(
     margin, knowledge = None, None
     if divides and not need.fits(data.rows, settings.max_memory):
         knowledge = _know(layer, samples, settings)
-        margin = _margin(knowledge, builder, settings, sees_all)
+        margin = _margin(knowledge, builder, settings, turn, sees_all)
     places = divide(seen.rows, data.rows, margin, need, settings.max_memory)
     if len(places) == 1 or knowledge is None:
         yield all_of_it
@@ -338,21 +342,27 @@ def _rows_of(layer: SampleLayer, samples: Samples, first: int, last: int) -> tup
     return own, replace(samples, data_window=window)
 
 
-def _margin(found: _Knowledge, builder: PsfBuilder, settings: FocusSettings, sees_all: bool) -> int:
+def _margin(
+    found: _Knowledge, builder: PsfBuilder, settings: FocusSettings, turn: int | None, sees_all: bool
+) -> int:
     """Return how many rows above and below a band may count for it."""
     reach = 0
     for table in builder.tables(np.array(found.focused, dtype=np.float64)):
         reach = max(reach, -table.first_row, table.first_row + table.row_begin.size)
-    # Circles are rounded, and blocks are as wide as that.
-    reach = math.ceil(1.02 * reach) + 2 * ALIGNED
+    # Circles of tables are rounded, and a block's rows lie below its first.
+    reach = math.ceil(1.02 * reach) + _ALIGNED
     if sees_all:
         return reach
     stretch = _cells_of(settings).stretch
     apart = math.ceil((found.highest - found.lowest) * stretch)
     largest = math.ceil(max(-found.lowest, found.highest) * stretch)
-    # What may hide a sample that reaches the band; what decides whether that is put into a square with its
-    # neighbours; what decides whether that is asked at all, in tiles; and how surfaces are found.
-    return reach + max(apart, largest) + 2 * apart + 5 * ALIGNED + 2 * AROUND
+    # What may hide a sample, and what decides whether that is put into a square with its neighbours.
+    hides = max(apart + _ALIGNED, largest) + _SQUARE + apart + _SQUARE
+    if turn is None and largest > LARGE:
+        # Lights are seen once more by themselves, where they are hidden in parts.
+        hides *= 2
+    # Whether that is asked at all is found out in tiles.
+    return reach + hides + apart + 3 * _ALIGNED + AROUND
 
 
 def _divided(
@@ -385,7 +395,7 @@ def _divided(
         top = max(0, first + shift - margin)
         if top > 0:
             # Squares, blocks and tiles of the whole picture are those of the band.
-            top = max(0, (top + above) // ALIGNED * ALIGNED - above)
+            top = max(0, (top + above) // _ALIGNED * _ALIGNED - above)
         needed.append((top, min(last + shift + margin, data.rows)))
     beyond: list[Beyond] | list[None] = [None] * len(places)
     if surveyed is not None:

@@ -11,6 +11,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from . import jit
+from .bands import check_picture
 from .camera import Film
 from .cascade import cascade
 from .character import Bend, LensCharacter, axis_of, character_of
@@ -198,6 +199,7 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
     bend = None if character is None else character.bend
     # A lens that bends the picture shows more or less than the pinhole did.
     taken = samples if bend is None else samples.showing(bend.needed)
+    check_picture(samples.display_window.rows * samples.display_window.columns, settings.max_memory)
     layers = sorted(taken.layers, key=_middle_depth) if len(taken.layers) > 1 else taken.layers
     developed = is_developed(settings.effects)
     camera_share = 1.0 if printed is None and not developed else _CAMERA_SHARE
@@ -501,7 +503,7 @@ def motion_settings(samples: Samples, settings: ProcessSettings) -> MotionSettin
         return None
     if not samples.knows_motion:
         return None
-    return MotionSettings(shutter, settings.motion_model, settings.backend)
+    return MotionSettings(shutter, settings.motion_model, settings.backend, settings.max_memory)
 
 
 def _film(samples: Samples, settings: ProcessSettings) -> Film:

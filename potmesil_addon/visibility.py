@@ -43,7 +43,7 @@ _FINE: Final = 8
 _BRIGHT: Final = 4.0
 """Light of a sample over the mean from which its circle is seen by itself, and its cut must look sharp."""
 
-_LARGE: Final = 6.0
+LARGE: Final = 6.0
 """Radius in pixels of such a sample's circle from which a cell shows."""
 
 _TILE: Final = 16
@@ -355,7 +355,7 @@ def _shows_its_shape(
 ) -> npt.NDArray[np.bool_]:
     """Return which fragments are so bright and so blurred that one sees the shape of their circle."""
     light = fragments.color.reshape(-1, 4)[which, :3].mean(axis=1)
-    large = np.abs(fragments.radius.reshape(-1)[which]) > _LARGE
+    large = np.abs(fragments.radius.reshape(-1)[which]) > LARGE
     return np.asarray((light > brightest) & large)
 
 
