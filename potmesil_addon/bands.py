@@ -37,7 +37,7 @@ _SHEET: Final = 45
 _LENS_OF_SURFACES: Final = 50
 """Bytes a sample of the focus processor where nothing is hidden, of each surface, and beside those."""
 
-_MOTION: Final = 240
+_MOTION: Final = 200
 """Bytes a sample of the motion processor once it is known what moves, at their most."""
 
 _FINISH: Final = 60
