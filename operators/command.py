@@ -54,8 +54,8 @@ def main(arguments: list[str]) -> int:
     Returns
     -------
     int
-        Exit status: 0 done, 2 usage, 3 input missing or wrong, 4 failed, 33 too little memory, 130 interrupted,
-        143 terminated.
+        Exit status: 0 done, 2 usage, 3 input missing or wrong, 4 failed, 33 too little memory,
+        130 interrupted, 143 terminated.
     """
     kernels.use_user_cache()
     from ..potmesil_addon import cli  # noqa: PLC0415 - see kernels

@@ -10,10 +10,12 @@ The kernels are loops that also run without numba, only slower.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from . import jit
 from .samples import BRIGHT, Cryptomatte, Float32Array
@@ -85,6 +87,23 @@ _LEAST_DOUBT: Final = 0.03
 _LONG_MEMORY: Final = 0.1
 """The same for its variation as `_MEMORY` for the colour."""
 
+AROUND: Final = 16
+"""Rows around a row, and more, on which the split of its pixels depends."""
+
+_ROWS_AT_ONCE: Final = 128
+"""Rows of a survey that are looked at together."""
+
+# What is remembered along a line: how many surfaces, the variation, the mean colour, and then radii, depths,
+# places, variations and colours of the surfaces.
+_RADIUS: Final = 6
+_DEPTH: Final = _RADIUS + _DEEPEST
+_AT: Final = _DEPTH + _DEEPEST
+_VARIES: Final = _AT + _DEEPEST
+_COLOR: Final = _VARIES + _DEEPEST
+_REMEMBERED: Final = _COLOR + 4 * _DEEPEST
+
+_NO_MEMORY: Final = np.zeros((0, _REMEMBERED))
+
 _MEMORY: Final = 0.35
 """How much of the colour that is carried on behind an edge the last pixel before it makes up."""
 
@@ -123,6 +142,42 @@ class Fragments(NamedTuple):
     reach: Float32Array
 
 
+class Beyond(NamedTuple):
+    """What lies above and below a band of rows, as far as surfaces are carried on from there.
+
+    Parameters
+    ----------
+    usual : float
+        Light that is usual in the whole picture.
+    first, last : int
+        First row that is carried on from above, and the one after the first from below.
+    down, up : ndarray of float64 of shape (columns, numbers)
+        What is remembered there in each column; empty where nothing is.
+    """
+
+    usual: float
+    first: int
+    last: int
+    down: npt.NDArray[np.float64]
+    up: npt.NDArray[np.float64]
+
+    def seen_from(self, row: int) -> Beyond:
+        """Return the same with rows that count from another row."""
+        moved = [self.down.copy(), self.up.copy()]
+        for memory in moved:
+            memory[:, _AT : _AT + _DEEPEST] -= row
+        return Beyond(self.usual, self.first - row, self.last - row, *moved)
+
+
+class Views(NamedTuple):
+    """The views of a layer, see `fragments_of`."""
+
+    color: Float32Array
+    depth: Float32Array
+    radius: Float32Array
+    cryptomattes: Sequence[Cryptomatte | None]
+
+
 def fragments_of(
     color: Float32Array,
     depth: Float32Array,
@@ -131,6 +186,7 @@ def fragments_of(
     *,
     mixed: bool,
     cryptomattes: Sequence[Cryptomatte | None] = (),
+    beyond: Beyond | None = None,
 ) -> Fragments:
     """Find the surfaces of each pixel in the views of a layer.
 
@@ -149,12 +205,58 @@ def fragments_of(
         its depth tells (point samples).
     cryptomattes : sequence of Cryptomatte or None
         Of each view how much of a pixel is whose, where that is known.
+    beyond : Beyond, optional
+        Of a band of rows what lies above and below; by default nothing does.
 
     Returns
     -------
     Fragments
         As many sheets as views, and at least two.
     """
+    found, own, jumps = _split_views(color, depth, radius, mixed=mixed, cryptomattes=cryptomattes)
+    rows, columns = jumps.shape
+    weight = np.zeros((rows, columns), dtype=np.float32)
+    if beyond is None:
+        beyond = Beyond(_usual(_roots(own), columns), 0, rows, _NO_MEMORY, _NO_MEMORY)
+    usual = beyond.usual
+    # As many as there are lines, and none for lines that begin at the picture's border.
+    _carry_on(
+        0, own, depth[0], radius[0], jumps, stretch, usual, found, weight, 0, columns, _NO_MEMORY, _NO_MEMORY
+    )
+    _carry_on(
+        1, own, depth[0], radius[0], jumps, stretch, usual, found, weight, *beyond[1:3],
+        beyond.down.copy(), beyond.up.copy(),
+    )  # fmt: skip
+    _finish(weight, found.radius, found.color, found.coverage, found.guessed, found.doubt)
+    place = np.flatnonzero(found.guessed[1])
+    smooth = np.empty((place.size, 4), dtype=np.float32)
+    for _ in range(_SMOOTHINGS):
+        _smooth(place, found.radius, found.coverage, found.color, smooth)
+        found.color[1].reshape(-1, 4)[place] = smooth
+    return found
+
+
+def _roots(own: Float32Array) -> npt.NDArray[np.float64]:
+    """Return the sums over rows of the roots of colours, so that a few lamps do not count for much."""
+    sums = np.zeros(own.shape[0])
+    _add_roots(own, sums)
+    return sums
+
+
+def _usual(roots: npt.NDArray[np.float64], columns: int) -> float:
+    """Return the light that is usual in a picture, of which the sums of the rows' roots are given."""
+    return float(roots.sum() / (3 * roots.size * columns)) ** 2 * 3.0
+
+
+def _split_views(
+    color: Float32Array,
+    depth: Float32Array,
+    radius: Float32Array,
+    *,
+    mixed: bool,
+    cryptomattes: Sequence[Cryptomatte | None],
+) -> tuple[Fragments, Float32Array, npt.NDArray[np.uint8]]:
+    """Find all but what is carried on; also the colours of the surfaces that depths tell, and jumps."""
     views, rows, columns = radius.shape
     sheets = max(2, views)
     found = Fragments(
@@ -193,20 +295,108 @@ def fragments_of(
             *found[:4], found.doubt, found.slope,
         )  # fmt: skip
         own = _own_colors(color[0], radius[0], found)
-    weight = np.zeros((rows, columns), dtype=np.float32)
-    # Roots, so that a few lamps do not count for much.
-    sums = np.zeros(rows)
-    _add_roots(own, sums)
-    usual = float(sums.sum() / (3 * rows * columns)) ** 2 * 3.0
-    for axis in (0, 1):
-        _carry_on(axis, own, depth[0], radius[0], jumps, stretch, usual, found, weight)
-    _finish(weight, found.radius, found.color, found.coverage, found.guessed, found.doubt)
-    place = np.flatnonzero(found.guessed[1])
-    smooth = np.empty((place.size, 4), dtype=np.float32)
-    for _ in range(_SMOOTHINGS):
-        _smooth(place, found.radius, found.coverage, found.color, smooth)
-        found.color[1].reshape(-1, 4)[place] = smooth
-    return found
+    return found, own, jumps
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """What is known of a picture before it is worked on in bands.
+
+    Parameters
+    ----------
+    front : ndarray of float32 of shape (rows, columns, 4)
+        Colours of sheet 0.
+    own : ndarray of float32 of shape (rows, columns, 4)
+        Colours of the surfaces that the depths tell, clean of others.
+    jumps : ndarray of uint8 of shape (rows, columns)
+        Where the depth jumps.
+    usual : float
+        Usual light.
+    """
+
+    front: Float32Array
+    own: Float32Array
+    jumps: npt.NDArray[np.uint8]
+    usual: float
+
+
+def survey(shape: tuple[int, int], views: Callable[[int, int], Views], *, mixed: bool) -> Survey:
+    """Look at all of a picture, a few rows at a time.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Rows and columns.
+    views : callable
+        Returns the views of the rows from one to before another.
+    mixed : bool
+        See `fragments_of`.
+
+    Returns
+    -------
+    Survey
+        The same, to the bit, as if looked at at once.
+    """
+    rows, columns = shape
+    own, jumps = np.empty((rows, columns, 4), dtype=np.float32), np.empty((rows, columns), dtype=np.uint8)
+    # Point samples show one surface each: both are what was rendered.
+    front = np.empty_like(own) if mixed else own
+    for first in range(0, rows, _ROWS_AT_ONCE):
+        last = min(first + _ROWS_AT_ONCE, rows)
+        top, bottom = max(first - AROUND, 0), min(last + AROUND, rows)
+        part = views(top, bottom)
+        found, own_part, jumps_part = _split_views(
+            part.color, part.depth, part.radius, mixed=mixed, cryptomattes=part.cryptomattes
+        )
+        inside = slice(first - top, last - top)
+        own[first:last], jumps[first:last] = own_part[inside], jumps_part[inside]
+        if mixed:
+            front[first:last] = found.color[0, inside]
+    return Survey(front, own, jumps, _usual(_roots(own), columns))
+
+
+def remembered(
+    found: Survey, depth: Float32Array, radius: Float32Array, edges: Sequence[tuple[int, int]]
+) -> list[Beyond]:
+    """Return what is carried on into bands of rows from above and from below.
+
+    Parameters
+    ----------
+    found : Survey
+        The whole picture.
+    depth, radius : ndarray of float32 of shape (rows, columns)
+        Its depths, and its circles' radii.
+    edges : sequence of (int, int)
+        First row of each band, and the one after its last, in which what is carried on is to be right. They
+        rise.
+
+    Returns
+    -------
+    list of Beyond
+        For each band; rows are those of the whole.
+    """
+    rows, columns = found.jumps.shape
+    nothing = np.zeros((2, 0, 0), dtype=np.float32)
+    of_four = nothing[..., np.newaxis]
+    none = Fragments(of_four, nothing, nothing, nothing, nothing, nothing, of_four, nothing[0])
+    memory = np.zeros((2, columns, _REMEMBERED))
+    scan = found.own, depth, radius, found.jumps, -math.inf, found.usual, none, nothing[0]
+    down, at = [], 0
+    for first, _ in edges:
+        if first > at:
+            _carry_one_way(1, 1, *scan, at, first, memory[0])
+            at = first
+        down.append(memory[0].copy())
+    up, at = [], rows
+    for _, last in reversed(edges):
+        if last < at:
+            _carry_one_way(1, -1, *scan, last, at, memory[1])
+            at = last
+        up.append(memory[1].copy())
+    return [
+        Beyond(found.usual, *edge, above, below)
+        for edge, above, below in zip(edges, down, reversed(up), strict=True)
+    ]
 
 
 def carried_past_the_border(
@@ -712,14 +902,14 @@ def _add_roots(color: Any, sums: Any) -> None:
 def _carry_along(
     line: int, axis: int, way: int,
     own: Any, depth: Any, radius: Any, jumps: Any, stretch: float, usual: float,
-    found: Fragments, weight: Any,
+    found: Fragments, weight: Any, begin: int, end: int, memory: Any,
 ) -> None:  # fmt: skip
-    """Carry surfaces on behind what hides them, one way along one line.
+    """Carry surfaces on behind what hides them, one way along one line from `begin` to before `end`.
 
     A surface that a nearer one interrupts is remembered until it is met again or passed, and stands behind
-    the nearer one as far as the lens can look past the edge.
+    the nearer one as far as the lens can look past the edge. Where the line goes on before it begins,
+    `memory` has what is remembered there; what it is at the end goes there too.
     """
-    length = radius.shape[1 - axis]
     sheets = found.coverage.shape[0]
     jump = RIGHT if way > 0 else LEFT
     if axis == 1:
@@ -731,8 +921,21 @@ def _carry_along(
     varies = 0.0
     open_ = 0
     last_y, last_x = -1, -1
-    for step in range(length):
-        at = step if way > 0 else length - 1 - step
+    before = begin - 1 if way > 0 else end
+    remembers = memory.shape[0] > 0
+    if remembers and 0 <= before < radius.shape[1 - axis]:
+        last_y, last_x = (line, before) if axis == 0 else (before, line)
+        kept = memory[line]
+        open_, varies = int(kept[0]), kept[1]
+        for c in range(4):
+            mean[c] = kept[2 + c]
+        for k in range(_DEEPEST):
+            seen_radius[k], seen_depth[k] = kept[_RADIUS + k], kept[_DEPTH + k]
+            seen_at[k], seen_varies[k] = int(kept[_AT + k]), kept[_VARIES + k]
+            for c in range(4):
+                seen_color[k, c] = kept[_COLOR + 4 * k + c]
+    for step in range(end - begin):
+        at = begin + step if way > 0 else end - 1 - step
         y, x = (line, at) if axis == 0 else (at, line)
         here = radius[y, x]
         parts = last_y >= 0 and (jumps[last_y, last_x] & jump) != 0
@@ -798,6 +1001,16 @@ def _carry_along(
         if w > found.guessed[1, y, x]:
             found.guessed[1, y, x] = w
             found.radius[1, y, x], found.depth[1, y, x] = seen_radius[top], seen_depth[top]
+    if remembers:
+        kept = memory[line]
+        kept[0], kept[1] = open_, varies
+        for c in range(4):
+            kept[2 + c] = mean[c]
+        for k in range(open_):
+            kept[_RADIUS + k], kept[_DEPTH + k] = seen_radius[k], seen_depth[k]
+            kept[_AT + k], kept[_VARIES + k] = seen_at[k], seen_varies[k]
+            for c in range(4):
+                kept[_COLOR + 4 * k + c] = seen_color[k, c]
 
 
 @jit.kernel(parallel=True)
@@ -811,14 +1024,48 @@ def _carry_on(
     usual: float,
     found: Fragments,
     weight: Any,
+    first: int,
+    last: int,
+    memory: Any,
+    memory_back: Any,
 ) -> None:
-    """Carry surfaces on behind what hides them, along all lines of an axis, both ways."""
+    """Carry surfaces on behind what hides them, along all lines of an axis, both ways.
+
+    On the way there from `first` to the line's end, on the way back from before `last` to its beginning.
+    """
     for number in jit.prange(radius.shape[axis]):
         line: Any = np.int64(number)
-        for backwards in range(2):
-            _carry_along(
-                line, axis, 1 - 2 * backwards, own, depth, radius, jumps, stretch, usual, found, weight
-            )
+        _carry_along(
+            line, axis, 1, own, depth, radius, jumps, stretch, usual, found, weight, first,
+            radius.shape[1 - axis], memory,
+        )  # fmt: skip
+        _carry_along(
+            line, axis, -1, own, depth, radius, jumps, stretch, usual, found, weight, 0, last, memory_back,
+        )  # fmt: skip
+
+
+@jit.kernel(parallel=True)
+def _carry_one_way(
+    axis: int,
+    way: int,
+    own: Any,
+    depth: Any,
+    radius: Any,
+    jumps: Any,
+    stretch: float,
+    usual: float,
+    found: Fragments,
+    weight: Any,
+    begin: int,
+    end: int,
+    memory: Any,
+) -> None:
+    """Carry surfaces on along a piece of all lines of an axis, one way."""
+    for number in jit.prange(radius.shape[axis]):
+        line: Any = np.int64(number)
+        _carry_along(
+            line, axis, way, own, depth, radius, jumps, stretch, usual, found, weight, begin, end, memory
+        )
 
 
 @jit.kernel(parallel=True)

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from .bands import check_motion
 from .lens import FloatArray
 from .motion_psf import ExposedPath, path_of
 from .paths import CameraPath, MotionPaths, ObjectPath
@@ -102,11 +103,14 @@ class MotionSettings:
         Whether an object's samples share a path.
     backend : {"auto", "numba", "numpy"}
         Implementation; all give the same picture.
+    max_memory : int or None
+        Bytes that the process may have in all.
     """
 
     shutter: Shutter
     model: MotionModel = "auto"
     backend: Backend = "auto"
+    max_memory: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,6 +213,11 @@ def prepare(layer: SampleLayer, samples: Samples, settings: MotionSettings) -> M
     -------
     Motion or None
         ``None`` where nothing moves while the shutter is open.
+
+    Raises
+    ------
+    MemoryLimitError
+        If there is no room for it; a picture is taken as a whole.
     """
     tracks = assign_tracks(layer, samples)
     # A single row or column of samples has nothing between them to draw.
@@ -218,6 +227,8 @@ def prepare(layer: SampleLayer, samples: Samples, settings: MotionSettings) -> M
     sheet = whole_sheet(layer, tracks)
     moves, travel = probe.moves(sheet)
     moving = float(moves.mean())
+    if moving > 0.0 or layer.moving is not None:
+        check_motion(moves.size * (1 if layer.moving is None else 2), settings.max_memory)
     if layer.stationary is not None and layer.moving is not None and samples.paths is not None:
         alone = assign_tracks(layer.moving, samples, all_move=True)
         if alone is not None and layer.moving.depth is not None:

@@ -11,6 +11,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from . import jit
+from .bands import check_picture
 from .camera import Film
 from .cascade import cascade
 from .character import Bend, LensCharacter, axis_of, character_of
@@ -96,6 +97,8 @@ class ProcessSettings:
         Number of the frame, which has its own grain and noise.
     backend : {"auto", "numba", "numpy"}
         Implementation.
+    max_memory : int or None
+        Bytes that the process may have in all; see `bands`. The picture is the same.
 
     Raises
     ------
@@ -121,6 +124,7 @@ class ProcessSettings:
     effects: Effects = field(default_factory=Effects)
     frame: int = 0
     backend: Backend = "auto"
+    max_memory: int | None = None
 
     def __post_init__(self) -> None:
         for name, value in (("Uniform defocus", self.uniform_defocus), ("Fade", self.fade)):
@@ -182,6 +186,8 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
         If something that the lens needs is neither in the file nor in the settings.
     InputError
         If a layer lacks its depth.
+    MemoryLimitError
+        If the memory that the process may have is too little.
     """
     started = time.perf_counter()
     look_again(effect.image for effect in (settings.effects.pupil, settings.effects.image_filter) if effect)
@@ -194,6 +200,7 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
     bend = None if character is None else character.bend
     # A lens that bends the picture shows more or less than the pinhole did.
     taken = samples if bend is None else samples.showing(bend.needed)
+    check_picture(samples.display_window.rows * samples.display_window.columns, settings.max_memory)
     layers = sorted(taken.layers, key=_middle_depth) if len(taken.layers) > 1 else taken.layers
     developed = is_developed(settings.effects)
     camera_share = 1.0 if printed is None and not developed else _CAMERA_SHARE
@@ -430,6 +437,7 @@ def focus_settings(samples: Samples, settings: ProcessSettings) -> FocusSettings
         settings.visibility,
         settings.backend,
         _character(samples, settings),
+        settings.max_memory,
     )
 
 
@@ -496,7 +504,7 @@ def motion_settings(samples: Samples, settings: ProcessSettings) -> MotionSettin
         return None
     if not samples.knows_motion:
         return None
-    return MotionSettings(shutter, settings.motion_model, settings.backend)
+    return MotionSettings(shutter, settings.motion_model, settings.backend, settings.max_memory)
 
 
 def _film(samples: Samples, settings: ProcessSettings) -> Film:

@@ -198,6 +198,16 @@ class PackedTables:
         return int(np.abs(self.offset).max()) + 1
 
     @property
+    def bytes_each(self) -> IntArray:
+        """Memory of each table in bytes."""
+        entries = self.row_end - self.row_begin
+        of_entry = self.offset.itemsize + self.delta.itemsize * self.primaries
+        of_row = self.row_begin.itemsize + self.row_end.itemsize + of_entry
+        per_row = np.concatenate([[0], np.cumsum(of_row + entries * of_entry)])
+        of_tables = per_row[self.rows[1:]] - per_row[self.rows[:-1]]
+        return np.asarray(of_tables + self.first_row.itemsize + self.rows.itemsize)
+
+    @property
     def nbytes(self) -> int:
         """Memory of the tables in bytes."""
         return sum(

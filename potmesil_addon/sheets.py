@@ -55,6 +55,10 @@ _SOLID: Final = 0.5
 _AROUND: Final = ndimage.generate_binary_structure(2, 2)
 
 
+_ROWS_AT_ONCE: Final = 128
+"""Rows whose colours are taken apart together."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sheet:
     """One sheet's samples on the data window; see `warp.Sheets`."""
@@ -357,16 +361,25 @@ def filled_in(values: Float32Array, known: Mask, wanted: Mask) -> Float32Array:
     while not (pyramid[-1][1] > 0.0).all() and max(pyramid[-1][1].shape) > 1:
         pyramid.append(_halved(*pyramid[-1]))
     result = pyramid[-1][0]
-    for finer, weight in reversed(pyramid[:-1]):
+    for finer, weight in reversed(pyramid[1:-1]):
         coarse = _doubled(result, finer.shape[:2])
         result = weight[..., np.newaxis] * finer + (1.0 - weight[..., np.newaxis]) * coarse
-    return np.where(wanted[..., np.newaxis], result, values).astype(np.float32)
+    filled, at = np.array(values, dtype=np.float32), np.nonzero(wanted)
+    finest, weight = pyramid[0]
+    if len(pyramid) == 1:
+        filled[at] = finest[at]
+    else:
+        share = weight[at][:, np.newaxis]
+        filled[at] = share * finest[at] + (1.0 - share) * _doubled_at(result, wanted.shape, at)
+    return filled
 
 
 def _halved(values: Float32Array, weight: Float32Array) -> tuple[Float32Array, Float32Array]:
     rows, columns = weight.shape[0] + weight.shape[0] % 2, weight.shape[1] + weight.shape[1] % 2
     padded = np.zeros((rows, columns, values.shape[2] + 1), dtype=np.float32)
-    padded[: weight.shape[0], : weight.shape[1]] = np.dstack([values * weight[..., np.newaxis], weight])
+    inside = padded[: weight.shape[0], : weight.shape[1]]
+    np.multiply(values, weight[..., np.newaxis], out=inside[..., :-1])
+    inside[..., -1] = weight
     total = padded.reshape(rows // 2, 2, columns // 2, 2, -1).sum(axis=(1, 3))
     below = np.maximum(total[..., -1:], np.float32(1e-20))
     return total[..., :-1] / below, np.minimum(total[..., -1], np.float32(1.0))
@@ -376,12 +389,33 @@ def _doubled(values: Float32Array, shape: tuple[int, int]) -> Float32Array:
     """Return values on a grid of twice the size, between the coarse ones linearly."""
     for axis in (0, 1):
         n = shape[axis]
-        at = np.clip((np.arange(n) - 0.5) / 2.0, 0.0, values.shape[axis] - 1.0)
-        low = at.astype(np.int64)
-        high = np.minimum(low + 1, values.shape[axis] - 1)
-        share = (at - low).astype(np.float32).reshape((n, 1, 1) if axis == 0 else (1, n, 1))
+        low, high, share = _between(n, values.shape[axis])
+        share = share.reshape((n, 1, 1) if axis == 0 else (1, n, 1))
         values = values.take(low, axis) * (1.0 - share) + values.take(high, axis) * share
     return values
+
+
+def _doubled_at(
+    values: Float32Array, shape: tuple[int, ...], at: tuple[npt.NDArray[np.int64], ...]
+) -> Float32Array:
+    """Return what `_doubled` does at some places, as rows of a table: most of a picture is not filled in."""
+    (above, below, down), (left, right, across) = (
+        _between(n, m) for n, m in zip(shape, values.shape, strict=False)
+    )
+    row, column = at
+    y, x = down[row][:, np.newaxis], across[column][:, np.newaxis]
+    before, after = (
+        values[above[row], side[column]] * (1.0 - y) + values[below[row], side[column]] * y
+        for side in (left, right)
+    )
+    return np.asarray(before * (1.0 - x) + after * x)
+
+
+def _between(size: int, coarse: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Float32Array]:
+    """Return between which places of a grid of half the size each lies, and how far on from the first."""
+    at = np.clip((np.arange(size) - 0.5) / 2.0, 0.0, coarse - 1.0)
+    low = at.astype(np.int64)
+    return low, np.minimum(low + 1, coarse - 1), (at - low).astype(np.float32)
 
 
 def _surface(layer: SampleLayer, tracks: Tracks) -> npt.NDArray[np.int64]:
@@ -409,16 +443,15 @@ def _mean_around(color: Float32Array, source: Mask, wanted: Mask) -> Float32Arra
     weight = source.astype(np.float32)
     size = 2 * _EDGE + 3
     below = ndimage.uniform_filter(weight, size)
-    mean = (
-        np.stack(
-            [ndimage.uniform_filter(color[..., c] * weight, size) for c in range(color.shape[2])], axis=2
-        )
-        / np.maximum(below, 1e-6)[..., np.newaxis]
-    )
+    mean = np.empty_like(color)
+    least = np.maximum(below, 1e-6)
+    for c in range(color.shape[2]):
+        mean[..., c] = ndimage.uniform_filter(color[..., c] * weight, size) / least
+    del least
     near = below > 0.5 / size**2
     if not near.any():
         return color
-    return filled_in(np.asarray(mean, dtype=np.float32), near, wanted & ~near)
+    return filled_in(mean, near, wanted & ~near)
 
 
 def _unmixed(
@@ -432,6 +465,21 @@ def _unmixed(
     Where the colours do not tell, because F and B are alike or C lies off the line between them (an
     object with a pattern), it is the share of object among the labels around.
     """
+    alpha, clear = np.empty(label.shape, dtype=np.float32), np.empty(label.shape, dtype=bool)
+    # In parts: what is in between would take more than all of the pictures.
+    for first in range(0, len(label), _ROWS_AT_ONCE):
+        rows = slice(first, first + _ROWS_AT_ONCE)
+        alpha[rows], clear[rows] = _along_line(color[rows], front[rows], behind[rows])
+    around = label.astype(np.float32)
+    for axis in (0, 1):
+        around = ndimage.convolve1d(around, _PIXEL_FILTER, axis, mode="nearest")
+    return np.asarray(np.where(clear, alpha, around), dtype=np.float32)
+
+
+def _along_line(
+    color: Float32Array | FloatArray, front: Float32Array | FloatArray, behind: Float32Array | FloatArray
+) -> tuple[Float32Array, Mask]:
+    """Return where a colour lies on the line between two others, from 0 to 1, and whether that tells."""
     if max(np.abs(values).max(initial=0.0) for values in (color, front, behind)) > _SQUARES:
         color, front, behind = (values.astype(np.float64) for values in (color, front, behind))
     difference = front - behind
@@ -442,10 +490,7 @@ def _unmixed(
     alpha = np.clip(alpha, 0.0, 1.0)
     off = ((color - behind - alpha[..., np.newaxis] * difference) ** 2).sum(axis=2)
     clear &= off <= _OFF_THE_LINE**2 * size
-    around = label.astype(np.float32)
-    for axis in (0, 1):
-        around = ndimage.convolve1d(around, _PIXEL_FILTER, axis, mode="nearest")
-    return np.asarray(np.where(clear, alpha, around), dtype=np.float32)
+    return alpha, clear
 
 
 def _clean(sheet: Sheet, torn: Mask) -> Float32Array:

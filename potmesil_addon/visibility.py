@@ -43,7 +43,7 @@ _FINE: Final = 8
 _BRIGHT: Final = 4.0
 """Light of a sample over the mean from which its circle is seen by itself, and its cut must look sharp."""
 
-_LARGE: Final = 6.0
+LARGE: Final = 6.0
 """Radius in pixels of such a sample's circle from which a cell shows."""
 
 _TILE: Final = 16
@@ -81,6 +81,30 @@ _ALMOST: Final = float(np.nextafter(np.float32(1.0), np.float32(0.0)))
 
 _TOLERANCE: Final = 0.25
 """Pixels of radius by which surfaces may differ without one hiding the other."""
+
+_RISE: Final = 16.0
+"""More than the radius at the middle of a square or a block differs from that at its upper left: a surface's
+slope is at most a pixel each pixel, and half of the largest is 8 wide."""
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """What deciding about a band of rows takes to decide as for the whole picture.
+
+    Parameters
+    ----------
+    top : int
+        Row of the whole at which the band begins; a multiple of 16.
+    lowest, highest : float
+        Least and largest radius of the whole.
+    is_part : bool
+        Whether there is more than the band.
+    """
+
+    top: int
+    lowest: float
+    highest: float
+    is_part: bool = True
 
 
 class Pinholes(NamedTuple):
@@ -252,6 +276,7 @@ def decide(
     *,
     brightest: float = math.inf,
     side: npt.NDArray[np.uint8] | None = None,
+    whole: Whole | None = None,
     compiled: bool = True,
 ) -> Seen:
     """Find out which cells of the aperture see each fragment.
@@ -271,6 +296,8 @@ def decide(
     side : ndarray of uint8 of shape (sheets, rows, columns), optional
         Side of the block of fragments that spreads as one, at its upper left; 0 for those that do not spread
         or do so with their block. By default each for itself.
+    whole : Whole, optional
+        The picture that the fragments are a band of; by default they are all of it.
     compiled : bool
         Whether to use the compiled kernels.
 
@@ -280,17 +307,19 @@ def decide(
         Masks; those of a block at its upper left, as its middle is seen.
     """
     coverage = fragments.coverage
+    if whole is None:
+        whole = Whole(0, float(fragments.radius.min()), float(fragments.radius.max()), is_part=False)
     limit = np.empty_like(fragments.radius)
     _find_limits(fragments.radius, fragments.slope, limit)
-    hidden, before = _to_decide(fragments, limit, cells.stretch)
-    if hidden.size == 0 or before.radius.size == 0:
+    hidden, before = _to_decide(fragments, limit, cells.stretch, whole.top)
+    if hidden.size == 0 or (before.radius.size == 0 and not whole.is_part):
         return Seen(*_seen_whole(coverage.shape), np.zeros((0, CELLS), dtype=np.uint16))
     if side is not None:
         hidden = _of_blocks(hidden, side)
-    behind = _taken(fragments, hidden, limit, side)
+    behind = _taken(fragments, hidden, limit, side, whole.top)
     shape = coverage.shape[1:]
     pinholes = cells.pinholes(_SPAN) if turn is None else cells.pinholes(2 * _SPAN, turn)
-    squares = _squares_seen(before, behind, pinholes, shape, compiled)
+    squares = _squares_seen(before, behind, pinholes, shape, whole, compiled)
     seen = _shares(squares, cells.area, pinholes.span)
     partly = np.flatnonzero((seen > 0.0) & (seen < 1.0))
     mask = _masks(np.take(squares, partly, axis=1), behind.radius[partly], pinholes.span)
@@ -298,8 +327,8 @@ def decide(
         bright = np.flatnonzero(_shows_its_shape(fragments, hidden[partly], brightest))
         if bright.size:
             which, pinholes = partly[bright], cells.pinholes(1)
-            before = _hiding(fragments, hidden[which], limit, cells.stretch)
-            squares = _squares_seen(before, _some(behind, which), pinholes, shape, compiled)
+            before = _hiding(fragments, hidden[which], limit, cells.stretch, whole.top)
+            squares = _squares_seen(before, _some(behind, which), pinholes, shape, whole, compiled)
             seen[which] = _shares(squares, cells.area, pinholes.span)
             mask[bright] = _masks(squares, behind.radius[which], pinholes.span)
             still = (seen[partly] > 0.0) & (seen[partly] < 1.0)
@@ -326,7 +355,7 @@ def _shows_its_shape(
 ) -> npt.NDArray[np.bool_]:
     """Return which fragments are so bright and so blurred that one sees the shape of their circle."""
     light = fragments.color.reshape(-1, 4)[which, :3].mean(axis=1)
-    large = np.abs(fragments.radius.reshape(-1)[which]) > _LARGE
+    large = np.abs(fragments.radius.reshape(-1)[which]) > LARGE
     return np.asarray((light > brightest) & large)
 
 
@@ -396,24 +425,25 @@ def _taken(
     fragments: Fragments,
     which: npt.NDArray[np.int64],
     limit: Float32Array,
-    side: npt.NDArray[np.uint8] | None = None,
+    side: npt.NDArray[np.uint8] | None,
+    top: int,
 ) -> _Points:
     """Return those fragments whose places are given, or the middles of the blocks that begin there.
 
-    `limit` is that of all fragments.
+    `limit` is that of all fragments; rows count from the whole picture's first, of which theirs is `top`.
     """
     taken = _Points(*(np.empty(which.size, dtype=np.float32) for _ in _Points._fields))
     taken.side[:] = 1.0 if side is None else side.reshape(-1)[which]
     _take(
         which, fragments.radius, fragments.slope, fragments.coverage, limit, fragments.radius.shape[2],
-        *taken,
+        top, *taken,
     )  # fmt: skip
     return taken
 
 
 @jit.kernel(parallel=True)
 def _take(
-    which: Any, radius: Any, slope: Any, coverage: Any, limit: Any, columns: int,
+    which: Any, radius: Any, slope: Any, coverage: Any, limit: Any, columns: int, top: int,
     out_x: Any, out_y: Any, out_side: Any, out_radius: Any, out_slope_x: Any, out_slope_y: Any,
     out_coverage: Any, out_level: Any, out_visible_to: Any,
 ) -> None:  # fmt: skip
@@ -424,10 +454,10 @@ def _take(
         y, x = place // columns, place % columns
         off = np.float32(0.5) * out_side[k] - np.float32(0.5)
         rise = off * (slope[sheet, y, x, 0] + slope[sheet, y, x, 1])
-        out_x[k], out_y[k], out_radius[k] = x + off, y + off, radius[sheet, y, x] + rise
+        out_x[k], out_y[k], out_radius[k] = x + off, top + y + off, radius[sheet, y, x] + rise
         out_slope_x[k], out_slope_y[k] = slope[sheet, y, x, 0], slope[sheet, y, x, 1]
         out_coverage[k], out_visible_to[k] = coverage[sheet, y, x], limit[sheet, y, x] + rise
-        level = _LEVEL_X * x + _LEVEL_Y * y
+        level = _LEVEL_X * x + _LEVEL_Y * (top + y)
         out_level[k] = level - math.floor(level)
 
 
@@ -444,7 +474,7 @@ def _find_limits(radius: Any, slope: Any, limit: Any) -> None:
 
 
 def _to_decide(
-    fragments: Fragments, limit: Float32Array, stretch: float
+    fragments: Fragments, limit: Float32Array, stretch: float, top: int
 ) -> tuple[npt.NDArray[np.int64], _Points]:
     """Return which fragments something may hide in parts, and those that may hide them.
 
@@ -463,11 +493,11 @@ def _to_decide(
     least = -_beside(_cones(-near * np.float32(stretch)))
     may_be[0] &= limit[0] * np.float32(stretch) + np.float32(_WIDTHS) >= least
     hidden = np.flatnonzero(may_be)
-    return hidden, _hiding(fragments, hidden, limit, stretch)
+    return hidden, _hiding(fragments, hidden, limit, stretch, top)
 
 
 def _hiding(
-    fragments: Fragments, hidden: npt.NDArray[np.int64], limit: Float32Array, stretch: float
+    fragments: Fragments, hidden: npt.NDArray[np.int64], limit: Float32Array, stretch: float, top: int
 ) -> _Points:
     """Return the fragments that may hide some of those given, alike ones in squares."""
     farthest = np.full(limit.shape[1:], np.float32(-np.inf))
@@ -484,7 +514,7 @@ def _hiding(
         before[sheet] &= (radius <= most) | (radius < farthest)
     side = before.view(np.uint8)
     _put_in_squares(fragments.radius, fragments.coverage, side)
-    return _taken(fragments, np.flatnonzero(side), limit, side)
+    return _taken(fragments, np.flatnonzero(side), limit, side, top)
 
 
 @jit.kernel(parallel=True)
@@ -599,22 +629,23 @@ def _spread_tiles(reach: Any, radius: Any, lowest: Any) -> None:
 
 
 def _squares_seen(
-    hiding: _Points, hidden: _Points, pinholes: Pinholes, shape: tuple[int, ...], compiled: bool
+    hiding: _Points, hidden: _Points, pinholes: Pinholes, shape: tuple[int, ...], whole: Whole, compiled: bool
 ) -> Mask:
     """Return which squares of the aperture see hidden fragments: (rows of squares, fragments), a bit each."""
     squares = np.zeros((pinholes.used.shape[0], hidden.radius.size), dtype=np.uint16)
     if compiled:
-        farther = np.float32(max(0.0, float(hidden.visible_to.max() - hiding.radius.min())) + 1.0)
-        _look(hiding, hidden, pinholes, shape[0], shape[1], squares, farther)
+        farther = np.float32(whole.highest - whole.lowest + 2.0 * _RISE)
+        _look(hiding, hidden, pinholes, whole.top, shape[0], shape[1], squares, farther)
     else:
-        _look_numpy(hiding, hidden, pinholes, shape[0], shape[1], squares)
+        _look_numpy(hiding, hidden, pinholes, whole.top, shape[0], shape[1], squares)
     return squares
 
 
 @jit.kernel(parallel=True)
 def _look(
-    hiding: _Points, hidden: _Points, pinholes: Pinholes, rows: int, columns: int, squares: Any, farther: Any
-) -> None:
+    hiding: _Points, hidden: _Points, pinholes: Pinholes, top: int, rows: int, columns: int, squares: Any,
+    farther: Any,
+) -> None:  # fmt: skip
     """Draw fragments through each point of the aperture, and note which of those behind are seen.
 
     A row of points is one thread's work. Each draws nearer than all before it, by more than anything that is
@@ -631,9 +662,11 @@ def _look(
                 continue
             nearer = np.float32(-column) * farther
             ax, ay = np.float32(pinholes.x[row, column]), np.float32(pinholes.y[row, column])
-            _draw(hiding, ax, ay, np.float32(_dither(row, column)), nearer, nearest, rows, columns, place)
+            dither = np.float32(_dither(row, column))
+            _draw(hiding, ax, ay, dither, nearer, nearest, top, rows, columns, place)
             nearest[rows * columns] = np.float32(np.inf)
-            _test(hidden, ax, ay, nearer, nearest, rows, columns, squares, row, np.uint16(1 << column), place)
+            bit = np.uint16(1 << column)
+            _test(hidden, ax, ay, nearer, nearest, top, rows, columns, squares, row, bit, place)
 
 
 @jit.kernel(inline=True)
@@ -644,8 +677,8 @@ def _dither(row: Any, column: Any) -> Any:
 
 @jit.kernel()
 def _draw(
-    points: _Points, ax: Any, ay: Any, dither: Any, nearer: Any, nearest: Any, rows: int, columns: int,
-    place: Any,
+    points: _Points, ax: Any, ay: Any, dither: Any, nearer: Any, nearest: Any, top: int, rows: int,
+    columns: int, place: Any,
 ) -> None:  # fmt: skip
     """Draw fragments through a point of the aperture, each as large as its surface looks from there.
 
@@ -654,7 +687,7 @@ def _draw(
     half, one = np.float32(0.5), np.float32(1.0)
     x, y, side, radius, level = points.x, points.y, points.side, points.radius, points.level
     slope_x, slope_y, coverage = points.slope_x, points.slope_y, points.coverage
-    end_x, end_y = np.int32(columns), np.int32(rows)
+    end_x, end_y, first_y = np.int32(columns), np.int32(rows), np.int32(top)
     outside = np.uint32(rows * columns)
     for first in range(0, radius.size, _CHUNK):
         count = min(_CHUNK, radius.size - first)
@@ -668,6 +701,7 @@ def _draw(
             )
             u, v = np.int32(np.ceil(at_x - half_x)), np.int32(np.ceil(at_y - half_y))
             across, down = np.int32(np.ceil(at_x + half_x)) - u, np.int32(np.ceil(at_y + half_y)) - v
+            v -= first_y
             chosen = level[k] + dither
             there = (chosen - np.floor(chosen) < coverage[k]) & (across >= 1) & (down >= 1)
             inside = (u >= 0) & (u < end_x) & (v >= 0) & (v < end_y)
@@ -684,8 +718,8 @@ def _draw(
                 half * side[k] * (one + slope_x[k] * ax),
                 half * side[k] * (one + slope_y[k] * ay),
             )
-            u, v = math.ceil(at_x - half_x), math.ceil(at_y - half_y)
-            u_end, v_end = math.ceil(at_x + half_x), math.ceil(at_y + half_y)
+            u, v = math.ceil(at_x - half_x), math.ceil(at_y - half_y) - top
+            u_end, v_end = math.ceil(at_x + half_x), math.ceil(at_y + half_y) - top
             at = radius[k] + nearer
             for q in range(max(v, 0), min(v_end, rows)):
                 for p in range(max(u, 0), min(u_end, columns)):
@@ -694,20 +728,20 @@ def _draw(
 
 @jit.kernel()
 def _test(
-    points: _Points, ax: Any, ay: Any, nearer: Any, nearest: Any, rows: int, columns: int,
-    squares: Any, row: Any, bit: Any, place: Any,
+    points: _Points, ax: Any, ay: Any, nearer: Any, nearest: Any, top: int, rows: int,
+    columns: int, squares: Any, row: Any, bit: Any, place: Any,
 ) -> None:  # fmt: skip
     """Note which fragments nothing hides from a point of the aperture."""
     half = np.float32(0.5)
     x, y, radius, visible_to = points.x, points.y, points.radius, points.visible_to
-    end_x, end_y = np.int32(columns), np.int32(rows)
+    end_x, end_y, first_y = np.int32(columns), np.int32(rows), np.int32(top)
     outside = np.uint32(rows * columns)
     for first in range(0, radius.size, _CHUNK):
         count = min(_CHUNK, radius.size - first)
         for i in range(count):
             k = first + i
             u = np.int32(np.floor(x[k] + radius[k] * ax + half))
-            v = np.int32(np.floor(y[k] + radius[k] * ay + half))
+            v = np.int32(np.floor(y[k] + radius[k] * ay + half)) - first_y
             inside = (u >= 0) & (u < end_x) & (v >= 0) & (v < end_y)
             place[i] = np.uint32(v * end_x + u) if inside else outside
         for i in range(count):
@@ -716,7 +750,7 @@ def _test(
 
 
 def _look_numpy(
-    hiding: _Points, hidden: _Points, pinholes: Pinholes, rows: int, columns: int, squares: Mask
+    hiding: _Points, hidden: _Points, pinholes: Pinholes, top: int, rows: int, columns: int, squares: Mask
 ) -> None:
     """Do the same, all fragments at once for one point of the aperture after the other."""
     half = np.float32(0.5)
@@ -728,14 +762,15 @@ def _look_numpy(
         at_x, at_y = p.x + p.radius * ax, p.y + p.radius * ay
         half_x, half_y = half * p.side * (1 + p.slope_x * ax), half * p.side * (1 + p.slope_y * ay)
         first_x, end_x = np.ceil(at_x - half_x).astype(np.int64), np.ceil(at_x + half_x).astype(np.int64)
-        first_y, end_y = np.ceil(at_y - half_y).astype(np.int64), np.ceil(at_y + half_y).astype(np.int64)
+        first_y = np.ceil(at_y - half_y).astype(np.int64) - top
+        end_y = np.ceil(at_y + half_y).astype(np.int64) - top
         for j in range(int((end_y - first_y).max(initial=0))):
             for i in range(int((end_x - first_x).max(initial=0))):
                 v, u = first_y + j, first_x + i
                 at = (v < end_y) & (u < end_x) & (v >= 0) & (v < rows) & (u >= 0) & (u < columns)
                 np.minimum.at(nearest, v[at] * columns + u[at], p.radius[at])
         u = np.floor(hidden.x + hidden.radius * ax + half).astype(np.int64)
-        v = np.floor(hidden.y + hidden.radius * ay + half).astype(np.int64)
+        v = np.floor(hidden.y + hidden.radius * ay + half).astype(np.int64) - top
         inside = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
         before = np.full(hidden.radius.size, np.float32(np.inf))
         before[inside] = nearest[v[inside] * columns + u[inside]]
