@@ -1,10 +1,9 @@
-#!/usr/bin/env python3
-"""Submit an animation to Slurm: an array of tasks for each stage, each task waiting for its own of the stage before.
+"""Submit an animation to Slurm: an array for each stage, each task waiting for its own of the stage before.
 
     python farm/slurm/submit.py chunks.txt --memory 4000 --threads 4 --time 1:00:00 -- \
         blender -b shot.blend --command potmesil_camera {stage} --output=/shared/out/####.exr
 
-A line of the chunk file is a task's frames. Needs Slurm's sbatch and scontrol, and nothing but Python's own library.
+A line of the chunk file is a task's frames. Needs Slurm's sbatch and scontrol, and of Python its own library.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -38,24 +38,51 @@ def parser() -> argparse.ArgumentParser:
     )
     made.add_argument("chunks", type=Path, metavar="CHUNKS", help="a file with a task's frames in each line")
     made.add_argument("--stages", default="passes,process", metavar="STAGE,...", help="default: %(default)s")
-    made.add_argument("--memory", type=_positive, default=4000, metavar="MB", help="of a task (default: %(default)s)")
-    made.add_argument("--most-memory", type=_positive, metavar="MB",
-                      help="a task for which memory was too small is queued again with twice as much, up to this")  # fmt: skip
-    made.add_argument("--threads", type=_positive, default=4, metavar="N", help="of a task (default: %(default)s)")
-    made.add_argument("--time", default="1:00:00", metavar="H:MM:SS", help="a task's limit (default: %(default)s)")
-    made.add_argument("--retries", type=_count, default=2, metavar="N",
-                      help="times a task is queued again (default: %(default)s)")  # fmt: skip
+    made.add_argument(
+        "--memory", type=_positive, default=4000, metavar="MB", help="of a task (default: %(default)s)"
+    )
+    made.add_argument(
+        "--most-memory",
+        type=_positive,
+        metavar="MB",
+        help="where it was too small a task is queued again with twice as much, up to this",
+    )
+    made.add_argument(
+        "--threads", type=_positive, default=4, metavar="N", help="of a task (default: %(default)s)"
+    )
+    made.add_argument(
+        "--time", default="1:00:00", metavar="H:MM:SS", help="a task's limit (default: %(default)s)"
+    )
+    made.add_argument(
+        "--retries",
+        type=_count,
+        default=2,
+        metavar="N",
+        help="times a task is queued again (default: %(default)s)",
+    )
     made.add_argument("--at-once", type=_positive, metavar="N", help="tasks that may run at the same time")
     made.add_argument("--name", default="potmesil_camera", help="the jobs' name (default: %(default)s)")
-    made.add_argument("--logs", type=Path, default=Path("logs"), metavar="FOLDER",
-                      help="where the tasks' logs go (default: %(default)s)")  # fmt: skip
-    made.add_argument("--sbatch", action="append", default=[], metavar="OPTION",
-                      help="an option for sbatch, such as --sbatch=--partition=render; may be repeated")  # fmt: skip
+    made.add_argument(
+        "--logs",
+        type=Path,
+        default=Path("logs"),
+        metavar="FOLDER",
+        help="where the tasks' logs go (default: %(default)s)",
+    )
+    made.add_argument(
+        "--sbatch",
+        action="append",
+        default=[],
+        metavar="OPTION",
+        help="one for sbatch, such as --sbatch=--partition=render; may be repeated",
+    )
     made.add_argument("--dry-run", action="store_true", help="print what would be submitted")
     return made
 
 
-def sbatch_command(options: argparse.Namespace, chunks: Path, count: int, stage: str, after: str | None) -> list[str]:
+def sbatch_command(
+    options: argparse.Namespace, chunks: Path, count: int, stage: str, after: str | None
+) -> list[str]:
     """Return the sbatch command of a stage.
 
     Parameters
@@ -127,7 +154,7 @@ def _submit(options: argparse.Namespace) -> None:
     for stage in stages:
         command = sbatch_command(options, kept, len(lines), stage, after)
         if options.dry_run:
-            print(" ".join(command))
+            print(shlex.join(command))
             after = f"<{stage}>"
             continue
         after = _output(command).strip().split(";")[0]
@@ -143,7 +170,9 @@ def _read_chunks(path: Path) -> list[str]:
         raise SubmitError(f"'{path}' names no frames; write a range into each line.")
     for number, line in enumerate(lines, 1):
         if not re.fullmatch(r"[-0-9,:x.]+", line):
-            raise SubmitError(f"Line {number} of '{path}' is no range of frames: '{line}'; write one such as 1-8.")
+            raise SubmitError(
+                f"Line {number} of '{path}' is no range of frames: '{line}'; write one such as 1-8."
+            )
     return lines
 
 
@@ -152,7 +181,7 @@ def _check_size(count: int) -> None:
     found = re.search(r"^MaxArraySize\s*=\s*(\d+)", _output(["scontrol", "show", "config"]), re.MULTILINE)
     if found and count > int(found[1]):
         raise SubmitError(
-            f"{count} chunks, and an array has at most {found[1]} tasks on this cluster; make the chunks larger."
+            f"{count} chunks, and arrays have at most {found[1]} tasks here; make the chunks larger."
         )
 
 
@@ -160,7 +189,9 @@ def _output(command: Sequence[str]) -> str:
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     except FileNotFoundError as error:
-        raise SubmitError(f"There is no {command[0]} here; run this on a machine that submits to Slurm.") from error
+        raise SubmitError(
+            f"There is no {command[0]} here; run this on a machine that submits to Slurm."
+        ) from error
     if done.returncode:
         raise SubmitError(f"{command[0]} failed: {(done.stderr or done.stdout).strip()}")
     return done.stdout

@@ -16,7 +16,17 @@ from typing import Final
 
 NODES: Final = ("n1", "n2", "n3")
 NODE_MEMORY_MB: Final = 2000
-PROGRAMS: Final = ("munged", "slurmctld", "slurmd", "sbatch", "scontrol", "squeue", "unshare", "nsenter", "ip")
+PROGRAMS: Final = (
+    "munged",
+    "slurmctld",
+    "slurmd",
+    "sbatch",
+    "scontrol",
+    "squeue",
+    "unshare",
+    "nsenter",
+    "ip",
+)
 PACKAGES: Final = "slurmctld slurmd slurm-client munge iproute2 util-linux"
 
 _ADDRESS: Final = "10.99.0.1"
@@ -24,8 +34,8 @@ _HOST: Final = "farm"
 # Programs of the daemons are in sbin, which is not on everybody's path.
 _PATH: Final = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin", "/sbin"])
 
-# The first process of the namespace: everything in it ends with this one, which ends with its standard input. It
-# leaves no zombies, for which Slurm would wait. Slurm finds no address where there is but loopback, hence the pair.
+# The namespaces' first process: everything in them ends with this one, which ends with its standard input. It
+# leaves no zombies, for which Slurm would wait.
 _INIT: Final = """
 import signal, socket, subprocess, sys
 socket.sethostname(sys.argv[1])
@@ -146,7 +156,7 @@ class Cluster:
                 os.kill(pid, signal.SIGKILL)
 
     def jobs(self) -> dict[str, dict[str, str]]:
-        """Return what Slurm says of each job and array task that it remembers: its fields, under ``JOB_INDEX`` or ``JOB``."""
+        """Return the fields that Slurm tells of each job that it remembers, by ``JOB`` or ``JOB_INDEX``."""
         text = self.run(["scontrol", "--oneliner", "show", "job"])
         found = {}
         for line in text.splitlines():
@@ -159,7 +169,7 @@ class Cluster:
             found[key] = fields
         return found
 
-    def wait(self, what: str, done: Callable[[], bool], seconds: float = 60.0) -> None:
+    def wait(self, what: str, done: Callable[[], bool], seconds: float = 120.0) -> None:
         """Wait until something is so.
 
         Parameters
@@ -223,6 +233,7 @@ def started(folder: Path) -> Iterator[Cluster]:
         ["unshare", "--net", "--uts", "--ipc", "--mount", "--pid", "--fork", "--mount-proc", "--kill-child",
          sys.executable, "-c", _INIT, _HOST,
          "ip link set lo up",
+         # Where there is but loopback Slurm finds no address.
          "ip link add farm0 type veth peer name farm1",
          f"ip address add {_ADDRESS}/24 dev farm0",
          "ip link set farm0 up", "ip link set farm1 up",
@@ -278,7 +289,7 @@ def _configure(folder: Path) -> None:
     version = subprocess.run(
         ["slurmctld", "-V"], capture_output=True, text=True, check=True, env=os.environ | {"PATH": _PATH}
     ).stdout
-    # Nothing here asks for control groups, yet the daemons load the plugin; "disabled" is unknown before 23.11.
+    # Nothing asks for control groups, yet the daemons load the plugin; "disabled" is unknown before 23.11.
     recent = tuple(int(n) for n in re.findall(r"\d+", version)[:2]) >= (23, 11)
     (folder / "cgroup.conf").write_text(f"CgroupPlugin={'disabled' if recent else 'cgroup/v1'}\n")
     lines = [
@@ -308,9 +319,10 @@ def _configure(folder: Path) -> None:
         "KillWait=10",
         "MinJobAge=3600",
         "MaxArraySize=1001",
-        # Memory: the limit of --mem, looked at every second, as a site without control groups does.
+        # Slurm kills what is over its --mem, as a site without control groups does. It looks rarely, so that
+        # the command's own limit comes first, but for a job that asks with --acctg-freq.
         "JobAcctGatherType=jobacct_gather/linux",
-        "JobAcctGatherFrequency=task=1",
+        "JobAcctGatherFrequency=task=30",
         "JobAcctGatherParams=OverMemoryKill",
         "SelectType=select/cons_tres",
         "SelectTypeParameters=CR_Core_Memory",
@@ -318,7 +330,8 @@ def _configure(folder: Path) -> None:
         "SchedulerParameters=batch_sched_delay=0,sched_interval=1,bf_interval=1",
         "PriorityType=priority/basic",
         "SlurmdParameters=config_overrides",
-        *(f"NodeName={node} NodeHostname={_HOST} NodeAddr={_ADDRESS} Port={18001 + place} CPUs=1 RealMemory={NODE_MEMORY_MB}"
+        *(f"NodeName={node} NodeHostname={_HOST} NodeAddr={_ADDRESS} Port={18001 + place} "
+            f"CPUs=1 RealMemory={NODE_MEMORY_MB}"
           for place, node in enumerate(NODES)),
         "PartitionName=farm Nodes=ALL Default=YES MaxTime=60 State=UP",
     ]  # fmt: skip

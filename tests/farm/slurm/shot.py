@@ -26,7 +26,11 @@ def build(path: str, last: int) -> None:
     scene.cycles.use_denoising = False
     scene.render.resolution_x, scene.render.resolution_y = 48, 27
     scene.render.resolution_percentage = 100
-    for place, color in (((-1.0, 3.0, 0.0), (1, 0.2, 0.1)), ((0.0, 6.0, 0.3), (0.1, 1, 0.2)), ((1.5, 9.0, 0), (0.2, 0.2, 1))):
+    for place, color in (
+        ((-1.0, 3.0, 0.0), (1, 0.2, 0.1)),
+        ((0.0, 6.0, 0.3), (0.1, 1, 0.2)),
+        ((1.5, 9.0, 0), (0.2, 0.2, 1)),
+    ):
         bpy.ops.mesh.primitive_cube_add(size=1.2, location=place)
         material = bpy.data.materials.new("Glow")
         material.use_nodes = True

@@ -24,12 +24,14 @@ OpenEXR = pytest.importorskip("OpenEXR")
 ROOT = Path(__file__).resolve().parents[3]
 SUBMIT = ROOT / "farm" / "slurm" / "submit.py"
 FRAMES = 24
-# numpy: numba would compile its kernels first, which takes longer than all the frames.
+# Without numba: to compile its kernels takes longer than all these small frames.
 PROCESS = [sys.executable, "-m", "potmesil_addon", "process"]
 WITH = ["--backend=numpy", "--threads=1"]
-ENVIRONMENT = {"PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
+ENVIRONMENT = {"PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "1"}
 
-reason = "takes a cluster and two minutes: make test-slurm" if "POTMESIL_SLURM" not in os.environ else why_not()
+reason = (
+    "takes a cluster and two minutes: make test-slurm" if "POTMESIL_SLURM" not in os.environ else why_not()
+)
 pytestmark = [pytest.mark.skipif(reason is not None, reason=str(reason)), pytest.mark.slow]
 
 
@@ -59,7 +61,15 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Shot:
     alone([sys.executable, str(Path(__file__).parent / "shot.py"), str(made.blend), str(FRAMES)])
     for stage in ("passes", "process"):
         alone([*blender(made.blend), stage, *files(made.samples, made.pictures), f"--frames=1-{FRAMES}"])
-    alone([*PROCESS, f"{made.samples}/####.exr", f"--output={made.plain}/####.exr", f"--frames=1-{FRAMES}", *WITH])
+    alone(
+        [
+            *PROCESS,
+            f"{made.samples}/####.exr",
+            f"--output={made.plain}/####.exr",
+            f"--frames=1-{FRAMES}",
+            *WITH,
+        ]
+    )
     for result in (made.samples, made.pictures, made.plain):
         assert names(result) == every_frame()
     return made
@@ -113,7 +123,7 @@ def ended(cluster: Cluster, job: str, tasks: int) -> dict[str, dict[str, str]]:
     def own() -> dict[str, dict[str, str]]:
         return {key.split("_")[1]: task for key, task in cluster.jobs().items() if key.startswith(f"{job}_")}
 
-    cluster.wait(f"job {job}", over, 90)
+    cluster.wait(f"job {job}", over, 180)
     return own()
 
 
@@ -139,7 +149,7 @@ def assert_same_pixels(path: Path, reference: Path) -> None:
 
 
 def assert_all_there(folder: Path, reference: Path, killed: str | None = None) -> None:
-    """Every frame once, byte for byte, and beside them at most the part file of a frame whose process was killed."""
+    """Every frame once, byte for byte, and beside them at most a part file of a frame that was killed."""
     there = names(folder)
     if killed is not None:
         there = [name for name in there if not re.fullmatch(rf"\.{killed}\..+\.part\.exr", name)]
@@ -157,7 +167,9 @@ def test_passes_and_then_pictures_on_three_nodes(cluster: Cluster, shot: Shot, t
     command = [*blender(shot.blend), "{stage}", *files(samples, pictures)]
     first, second = submit(cluster, write_chunks(tmp_path, 8), logs, command, "--memory=1500")
     passes, process = ended(cluster, first, 3), ended(cluster, second, 3)
-    assert {task["JobState"] for task in [*passes.values(), *process.values()]} == {"COMPLETED"}, cluster.story()
+    assert {task["JobState"] for task in [*passes.values(), *process.values()]} == {"COMPLETED"}, (
+        cluster.story()
+    )
     assert {task["NodeList"] for task in passes.values()} == {"n1", "n2", "n3"}
     for index, task in process.items():
         assert task["StartTime"] >= passes[index]["EndTime"]
@@ -193,7 +205,7 @@ class Troubles:
         return log(self.logs, self.again, task)
 
 
-def heavy(path: Path, times: int = 40) -> None:
+def heavy(path: Path, times: int = 16) -> None:
     """Make a samples file so large that a process stays with it."""
     with OpenEXR.File(str(path), separate_channels=True) as file:
         parts = []
@@ -238,7 +250,7 @@ def troubles(cluster: Cluster, shot: Shot, tmp_path_factory: pytest.TempPathFact
 
     command = [*PROCESS, f"{samples}/####.exr", f"--output={pictures}/####.exr", *WITH]
     chunks = write_chunks(folder, 4)
-    (job,) = submit(cluster, chunks, logs, command, "--stages=process", "--retries=1")
+    (job,) = submit(cluster, chunks, logs, command, "--stages=process", "--retries=1", "--memory=1500")
 
     def state(task: int) -> dict[str, str]:
         return cluster.jobs().get(f"{job}_{task}", {"JobState": "PENDING", "Restarts": "0"})
@@ -262,17 +274,20 @@ def troubles(cluster: Cluster, shot: Shot, tmp_path_factory: pytest.TempPathFact
     mend(19)
     shutil.rmtree(picture(7))
     cluster.start_node(killed_node)
-    (again,) = submit(cluster, chunks, logs, command, "--stages=process")
+    (again,) = submit(cluster, chunks, logs, command, "--stages=process", "--memory=1500")
     made = Troubles(job, logs, pictures, tasks, killed_node, left, again)
     made.tasks_again = ended(cluster, again, 6)
     return made
 
 
-def test_lost_node(troubles: Troubles) -> None:
+def test_lost_node(cluster: Cluster, troubles: Troubles) -> None:
     task = troubles.tasks["0"]
     assert (task["JobState"], task["Restarts"]) == ("COMPLETED", "1")
     assert task["NodeList"] != troubles.killed_node
-    assert "NODE FAILURE" in troubles.log(0)
+    said = (cluster.folder / "slurmctld.log").read_text()
+    assert re.search(
+        rf"requeue job JobId={troubles.job}_0\(\d+\) due to failure of node {troubles.killed_node}", said
+    )
     assert troubles.log(0).count("Skipping existing frame") == 2
 
 
@@ -310,7 +325,8 @@ def test_task_whose_time_is_up_goes_on_later(troubles: Troubles) -> None:
 
 def test_whatever_was_left_is_whole(troubles: Troubles, shot: Shot) -> None:
     frames = [name for name in troubles.left if not name.startswith(".")]
-    assert len(frames) >= 18
+    missing = (7, 8, 15, 16, 19, 20)
+    assert sorted(frames) == [f"{frame:04d}.exr" for frame in range(1, FRAMES + 1) if frame not in missing]
     for name in frames:
         assert troubles.left[name] == (shot.plain / name).read_bytes(), name
 
@@ -325,12 +341,13 @@ def test_submitted_again_it_is_complete(troubles: Troubles, shot: Shot) -> None:
 # Memory.
 
 
-def test_too_little_memory_is_named_and_more_is_asked_for(cluster: Cluster, shot: Shot, tmp_path: Path) -> None:
+def test_too_little_memory_is_named_and_more_is_asked_for(
+    cluster: Cluster, shot: Shot, tmp_path: Path
+) -> None:
     pictures, logs = tmp_path / "pictures", tmp_path / "logs"
     command = [*PROCESS, f"{shot.samples}/####.exr", f"--output={pictures}/####.exr", *WITH]
     chunks = write_chunks(tmp_path, FRAMES)
-    # Slurm does not look: the command's own limit comes first.
-    options = ("--stages=process", "--memory=150", "--sbatch=--acctg-freq=task=0")
+    options = ("--stages=process", "--memory=150")
     (job,) = submit(cluster, chunks, logs, command, *options)
     (more,) = submit(cluster, chunks, logs, command, *options, "--most-memory=600")
     task = ended(cluster, job, 1)["0"]
@@ -344,8 +361,13 @@ def test_too_little_memory_is_named_and_more_is_asked_for(cluster: Cluster, shot
 
 def test_memory_that_slurm_refuses_is_named(cluster: Cluster, tmp_path: Path) -> None:
     # In place of a render, whose memory the extension cannot limit.
-    greedy = [sys.executable, "-c", "import time; x = bytearray(400 << 20); x[::4096] = x[::4096]; time.sleep(60)"]
-    (job,) = submit(cluster, write_chunks(tmp_path, FRAMES), tmp_path, greedy, "--stages=process", "--memory=100")
+    greedy = [
+        sys.executable,
+        "-c",
+        "import time; x = bytearray(400 << 20); x[::4096] = x[::4096]; time.sleep(60)",
+    ]
+    options = ("--stages=process", "--memory=100", "--sbatch=--acctg-freq=task=1")
+    (job,) = submit(cluster, write_chunks(tmp_path, FRAMES), tmp_path, greedy, *options)
     task = ended(cluster, job, 1)["0"]
     assert task["JobState"] in ("FAILED", "CANCELLED", "OUT_OF_MEMORY"), task
     assert "emory" in log(tmp_path, job, 0)
