@@ -144,7 +144,13 @@ def test_missing_slurm_and_chunk_file_are_named(
 def task(slurm: Path, command: str, *options: str, **variables: str) -> subprocess.CompletedProcess[str]:
     """Run the second task of an array; `command` is a shell's text."""
     chunks = write_chunks(slurm, "1-4", "5-8")
-    known = {"SLURM_ARRAY_TASK_ID": "1", "SLURM_JOB_ID": "77", "SLURM_MEM_PER_NODE": "1000", **variables}
+    known = {
+        "SLURM_ARRAY_TASK_ID": "1",
+        "SLURM_ARRAY_JOB_ID": "77",
+        "SLURM_JOB_ID": "77",
+        "SLURM_MEM_PER_NODE": "1000",
+        **variables,
+    }
     words = [*options, str(chunks), "sh", "-c", command, "sh", "a b"]
     return subprocess.run(
         ["bash", str(FARM / "potmesil_camera.sbatch"), *words],
@@ -175,7 +181,7 @@ def test_task_adds_its_frames_and_limit(slurm: Path) -> None:
 def test_only_what_may_help_is_queued_again(slurm: Path, code: int, restarts: str, requeued: bool) -> None:
     done = task(slurm, f"exit {code}", SLURM_RESTART_COUNT=restarts)
     assert done.returncode == code
-    assert calls(slurm) == ([["scontrol", "requeue", "77"]] if requeued else [])
+    assert calls(slurm) == ([["scontrol", "requeue", "77_1"]] if requeued else [])
     if code == 4:
         assert ("queued again" if requeued else "given up after 3 runs") in done.stderr
 
@@ -192,9 +198,9 @@ def test_more_memory_is_asked_for_up_to_a_limit(slurm: Path, most: str, asked: i
     assert done.returncode == 33
     if asked:
         assert calls(slurm) == [
-            ["scontrol", "requeuehold", "77"],
-            ["scontrol", "update", "JobId=77", f"MinMemoryNode={asked}"],
-            ["scontrol", "release", "77"],
+            ["scontrol", "requeuehold", "77_1"],
+            ["scontrol", "update", "JobId=77_1", f"MinMemoryNode={asked}"],
+            ["scontrol", "release", "77_1"],
         ]
     else:
         assert not calls(slurm)
@@ -210,7 +216,7 @@ def test_command_ends_before_its_task(slurm: Path, signal: str, code: int, reque
     done = task(slurm, command % (signal, "kill -s TERM $$;" if signal == "TERM" else ""))
     assert done.returncode == code
     assert done.stdout == "cleared up\n"
-    assert calls(slurm) == ([["scontrol", "requeue", "77"]] if requeued else [])
+    assert calls(slurm) == ([["scontrol", "requeue", "77_1"]] if requeued else [])
 
 
 @pytest.mark.parametrize(
