@@ -24,10 +24,9 @@ OpenEXR = pytest.importorskip("OpenEXR")
 ROOT = Path(__file__).resolve().parents[3]
 SUBMIT = ROOT / "farm" / "slurm" / "submit.py"
 FRAMES = 24
-# Without numba: to compile its kernels takes longer than all these small frames.
 PROCESS = [sys.executable, "-m", "potmesil_addon", "process"]
-WITH = ["--backend=numpy", "--threads=1"]
-ENVIRONMENT = {"PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "1"}
+WITHOUT_NUMBA = Path(__file__).parent / "without_numba"
+ENVIRONMENT = {"PYTHONPATH": os.pathsep.join([str(WITHOUT_NUMBA), str(ROOT)])}
 
 reason = (
     "takes a cluster and two minutes: make test-slurm" if "POTMESIL_SLURM" not in os.environ else why_not()
@@ -67,7 +66,6 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Shot:
             f"{made.samples}/####.exr",
             f"--output={made.plain}/####.exr",
             f"--frames=1-{FRAMES}",
-            *WITH,
         ]
     )
     for result in (made.samples, made.pictures, made.plain):
@@ -87,7 +85,7 @@ def blender(blend: Path) -> list[str]:
 
 
 def files(samples: Path, pictures: Path) -> list[str]:
-    return [f"--samples={samples}/####.exr", f"--output={pictures}/####.exr", *WITH]
+    return [f"--samples={samples}/####.exr", f"--output={pictures}/####.exr"]
 
 
 def every_frame() -> list[str]:
@@ -248,7 +246,7 @@ def troubles(cluster: Cluster, shot: Shot, tmp_path_factory: pytest.TempPathFact
     # Task 4 finds rubbish in place of its samples.
     samples_file(19).write_bytes(b"rubbish")
 
-    command = [*PROCESS, f"{samples}/####.exr", f"--output={pictures}/####.exr", *WITH]
+    command = [*PROCESS, f"{samples}/####.exr", f"--output={pictures}/####.exr"]
     chunks = write_chunks(folder, 4)
     (job,) = submit(cluster, chunks, logs, command, "--stages=process", "--retries=1", "--memory=1500")
 
@@ -345,7 +343,7 @@ def test_too_little_memory_is_named_and_more_is_asked_for(
     cluster: Cluster, shot: Shot, tmp_path: Path
 ) -> None:
     pictures, logs = tmp_path / "pictures", tmp_path / "logs"
-    command = [*PROCESS, f"{shot.samples}/####.exr", f"--output={pictures}/####.exr", *WITH]
+    command = [*PROCESS, f"{shot.samples}/####.exr", f"--output={pictures}/####.exr"]
     chunks = write_chunks(tmp_path, FRAMES)
     options = ("--stages=process", "--memory=150")
     (job,) = submit(cluster, chunks, logs, command, *options)
