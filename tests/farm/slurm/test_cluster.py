@@ -345,15 +345,15 @@ def test_too_little_memory_is_named_and_more_is_asked_for(
     pictures, logs = tmp_path / "pictures", tmp_path / "logs"
     command = [*PROCESS, f"{shot.samples}/####.exr", f"--output={pictures}/####.exr"]
     chunks = write_chunks(tmp_path, FRAMES)
-    options = ("--stages=process", "--memory=150")
+    options = ("--stages=process", "--memory=75")
     (job,) = submit(cluster, chunks, logs, command, *options)
     (more,) = submit(cluster, chunks, logs, command, *options, "--most-memory=600")
     task = ended(cluster, job, 1)["0"]
     assert (task["JobState"], task["Restarts"], task["ExitCode"]) == ("FAILED", "0", "33:0")
-    assert "150 MB of memory were too small (exit 33). Submit it again with more." in log(logs, job, 0)
+    assert "75 MB of memory were too small (exit 33). Submit it again with more." in log(logs, job, 0)
     task = ended(cluster, more, 1)["0"]
     assert task["JobState"] == "COMPLETED"
-    assert "150 MB of memory were too small (exit 33); queued again with 300 MB." in log(logs, more, 0)
+    assert "75 MB of memory were too small (exit 33); queued again with 150 MB." in log(logs, more, 0)
     assert_all_there(pictures, shot.plain)
 
 
