@@ -32,7 +32,7 @@ FIGURES_ARGS ?=
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .PHONY: help setup system-packages demo test test-all test-others test-gui benchmark bench-fidelity \
-	bench-reflections bench-flicker bench-speed figures scenes extension extension-release lint format docs clean
+	bench-reflections bench-flicker bench-speed test-slurm figures scenes extension extension-release lint format docs clean
 
 help:  ## list these targets
 	@echo "make TARGET [BLENDER_VERSION=$(BLENDER_VERSION)]   (one of $(BLENDER_VERSIONS))"
@@ -101,6 +101,9 @@ test-under-%:
 test-gui: $(ENV)/.stamp  ## run the tests that need a window: make test-gui BLENDER=/path/to/blender
 	@if [ -z "$$BLENDER" ]; then echo "Name a Blender with a window: make test-gui BLENDER=/path/to/blender" >&2; exit 1; fi
 	$(PY) -m pytest tests/gui $(PYTEST_ARGS)
+
+test-slurm: $(ENV)/.stamp  ## run an animation on a real Slurm cluster in namespaces of this machine, as root
+	POTMESIL_SLURM=1 $(PY) -m pytest tests/farm/slurm $(PYTEST_ARGS)
 
 # The benchmarks run under Blender 5.2; what only they need stays out of its environment.
 $(BENCH)/.stamp: .venv/bpy-5.2/.stamp requirements/bench.txt

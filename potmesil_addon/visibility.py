@@ -416,8 +416,10 @@ def _find_blocks(some: Any, side: Any, of_blocks: Any) -> None:
         y: Any = np.int64(row)
         for sheet in range(side.shape[0]):
             for x in range(side.shape[2]):
-                for v in range(y, y + side[sheet, y, x]):
-                    for u in range(x, x + side[sheet, y, x]):
+                # Without numba a sum of a number and uint8 is uint8, too small for a column.
+                size = np.int64(side[sheet, y, x])
+                for v in range(y, y + size):
+                    for u in range(x, x + size):
                         of_blocks[sheet, y, x] |= some[sheet, v, u]
 
 

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from potmesil_addon import jit
+from potmesil_addon import jit, visibility
 from potmesil_addon.aperture import SAMPLE_POSITIONS, SamplePosition
 from potmesil_addon.camera import Film
 from potmesil_addon.focus import FocusSettings, average_down, focus_layer
@@ -879,3 +879,13 @@ def test_mask_of_one_cell_lights_that_cell(part: tuple[float, float], kind: str,
         assert place.max() - middle <= high + 1.0
     area = aperture_cells(KINDS[kind], 1.0).area[row, column]
     assert light.sum() == pytest.approx(area, abs=0.25 * area + 2e-3)
+
+
+def test_blocks_of_wide_pictures_are_found_without_numba() -> None:
+    side = np.zeros((1, 2, 300), dtype=np.uint8)
+    side[0, 0, 254], side[0, 0, 298] = 2, 2
+    some = np.zeros(side.shape, dtype=np.bool_)
+    some[0, 1, 255], some[0, 1, 299] = True, True
+    found = np.zeros_like(some)
+    getattr(visibility._find_blocks, "py_func", visibility._find_blocks)(some, side, found)
+    assert np.argwhere(found).tolist() == [[0, 0, 254], [0, 0, 298]]
