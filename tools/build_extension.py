@@ -82,8 +82,9 @@ def blender_ext(command: str, *arguments: str) -> None:
     for path in (tool, tags):
         if not path.is_file():
             raise BuildError(f"this bpy has no {path.relative_to(scripts)}")
+    words = [] if command == "server-generate" else [f"--valid-tags={tags}"]
     result = subprocess.run(
-        [sys.executable, str(tool), command, f"--valid-tags={tags}", *arguments],
+        [sys.executable, str(tool), command, *words, *arguments],
         capture_output=True,
         text=True,
         check=False,
