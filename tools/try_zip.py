@@ -270,7 +270,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="compile few kernels")
     words = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
     options = parser.parse_args(words)
-    with tempfile.TemporaryDirectory(prefix="potmesil_trial_") as made:
+    with tempfile.TemporaryDirectory(prefix="potmesil_trial_", ignore_cleanup_errors=True) as made:
         folder = Path(made)
         if "bpy" in sys.modules:
             # Inside Blender the profile is made already.
