@@ -368,14 +368,15 @@ def main() -> int:
     except ReleaseError as error:
         print(f"release: {error}", file=sys.stderr)
         return 1
-    python = Path(sys.executable)
+    python, output = Path(sys.executable), options.output.absolute()
     python = python.relative_to(ROOT) if python.is_relative_to(ROOT) else python
+    output = output.relative_to(ROOT) if output.is_relative_to(ROOT) else output
     print()
     print(
         PUBLISH.format(
             count=len(zips),
             version=version,
-            output=options.output,
+            output=output,
             commit=commit[:12],
             index=INDEX,
             python=python,
