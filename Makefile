@@ -19,8 +19,6 @@ PY := $(ENV)/bin/python
 DEV := .venv/dev/bin
 PIP_INSTALL := -m pip install -qq --disable-pip-version-check -c requirements/wheels.txt
 
-RELEASES := linux-x64-cp311 linux-x64-cp313 windows-x64-cp311 windows-x64-cp313 macos-arm64-cp311 macos-arm64-cp313
-
 PYTEST_ARGS ?=
 TESTS ?= tests
 WORKERS ?= 2
@@ -28,11 +26,12 @@ WORKERS ?= 2
 BENCH := build/bench/env
 BENCH_ARGS ?=
 FIGURES_ARGS ?=
+RELEASE_ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .PHONY: help setup system-packages demo test test-all test-others test-gui benchmark bench-fidelity \
-	bench-reflections bench-flicker bench-speed test-slurm figures scenes extension extension-release lint format docs clean
+	bench-reflections bench-flicker bench-speed test-slurm figures scenes extension release lint format docs clean
 
 help:  ## list these targets
 	@echo "make TARGET [BLENDER_VERSION=$(BLENDER_VERSION)]   (one of $(BLENDER_VERSIONS))"
@@ -133,10 +132,10 @@ benchmark: $(BENCH)/.stamp  ## measure motion blur against Cycles and Vector Blu
 extension: $(ENV)/.stamp  ## build and validate the extension without wheels, into dist/
 	$(PY) tools/build_extension.py --output dist
 
-extension-release: $(ENV)/.stamp  ## the same with wheels, a zip for each platform and Python
-	$(PY) tools/fetch_wheels.py $(RELEASES)
-	@set -e; for release in $(RELEASES); do \
-		$(PY) tools/build_extension.py --output dist --wheels $$release; done
+# "--allow-unreleased" tries what a release would be. The zips are tried under each Blender that is set up.
+release: $(ENV)/.stamp  ## build, validate and install the release zips, with checksums and bills of materials
+	@$(PY) tools/check_bpy.py
+	@$(PY) tools/release.py $(RELEASE_ARGS)
 
 lint: .venv/dev/.stamp  ## ruff and mypy
 	@status=0; for check in "ruff check" "ruff format --check" mypy; do \

@@ -9,7 +9,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..potmesil_addon.errors import InputError, OutputError
-from ..potmesil_addon.files import whole_file
+from ..potmesil_addon.files import refuse_cut, whole_file
 from .scene import is_writable
 
 
@@ -75,14 +75,11 @@ def save_image(
         If it cannot be written.
     """
     with whole_file(path) as part:
-        try:
-            image.save_render(str(part), scene=scene)
-        except RuntimeError as error:
-            reason = " ".join(str(error).split())
-            text = rpt_("Cannot write '{path}' ({reason}); check the output settings.")
-            raise OutputError(text.format(path=path, reason=reason)) from error
+        image.save_render(str(part), scene=scene)
         if texts and path.suffix.lower() in (".exr", ".png"):
             from ..potmesil_addon import exr, png  # noqa: PLC0415 - see kernels
 
+            # Blender does not always say where a full disk cut an image short.
+            refuse_cut(part)
             stamp = exr.stamp if path.suffix.lower() == ".exr" else png.stamp
             stamp(part, texts)

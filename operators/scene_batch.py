@@ -224,6 +224,7 @@ class _SceneFrame:
         known = {name: value for name, value in lens.items() if name in LensAttributes.__dataclass_fields__}
         return replace(
             settings,
+            max_memory=self.frames.max_memory,
             lens=LensAttributes(**{**known, **said}),
             shutter=settings.shutter.over(panel_shutter(scene)),
         )

@@ -367,6 +367,7 @@ def standing(path: Path, mark: Mark) -> Standing:
         What it is.
     """
     from . import exr, png  # noqa: PLC0415 - Blender's start-up would pay for numpy's friends
+    from .cut import is_cut  # noqa: PLC0415
 
     if not path.is_file():
         return "missing"
@@ -377,7 +378,7 @@ def standing(path: Path, mark: Mark) -> Standing:
         elif path.suffix.lower() == ".png":
             said = png.read_texts(path)
         else:
-            return "unknown" if path.stat().st_size else "damaged"
+            return "unknown" if path.stat().st_size and not is_cut(path) else "damaged"
     except (InputError, OSError):
         return "damaged"
     if said is None:
@@ -498,6 +499,8 @@ def _run_frame(
             )
         except OSError as caught:
             error = OutputError(f"{caught.strerror or caught}; check the folder and the disk.")
+        except Exception as caught:
+            error = PotmesilError(f"Something unforeseen went wrong ({type(caught).__name__}: {caught}).")
         if error is None:
             outcome.status = "made"
             outcome.seconds = time.monotonic() - started

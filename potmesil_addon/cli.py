@@ -654,7 +654,7 @@ def _process(options: argparse.Namespace) -> int:
     reader = _Reader(layers)
 
     def begin(frame: int | None) -> _FrameOfFile:
-        settings = process_settings(options, frame)
+        settings = replace(process_settings(options, frame), max_memory=batch.max_memory)
         return _FrameOfFile(sources[frame], places[frame], settings, layers, reader)
 
     return run_batch(frames, begin, batch)

@@ -1,23 +1,27 @@
 """Build and validate the extension's zip with Blender's own tool, which comes inside the bpy wheel.
 
 Run it with the Python of an environment that holds bpy; bpy itself is not imported. Without wheels the zip
-is for development: it works wherever numpy, scipy and OpenEXR can be imported already.
+is for development: it works wherever numpy, scipy and OpenEXR can be imported already. What is built twice of
+one commit has the same bytes.
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
+import os
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
 import zipfile
 from pathlib import Path
 
 import fetch_wheels
+import third_party
 
 ROOT = Path(__file__).resolve().parent.parent
 MANIFEST = "blender_manifest.toml"
@@ -27,6 +31,7 @@ SHIPPED = {
     MANIFEST,
     "LICENSE",
     "README.md",
+    third_party.FILE,
     "__init__.py",
     "operators",
     "potmesil_addon",
@@ -37,6 +42,9 @@ SHIPPED = {
 
 # Blender changed from Python 3.11 to 3.13 with this version, so a release's wheels fit one side of it.
 FIRST_CP313 = "5.1.0"
+
+# The first moment that a zip can name, for what is built outside a git work tree.
+EARLIEST = 315532800
 
 
 class BuildError(Exception):
@@ -74,8 +82,9 @@ def blender_ext(command: str, *arguments: str) -> None:
     for path in (tool, tags):
         if not path.is_file():
             raise BuildError(f"this bpy has no {path.relative_to(scripts)}")
+    words = [] if command == "server-generate" else [f"--valid-tags={tags}"]
     result = subprocess.run(
-        [sys.executable, str(tool), command, f"--valid-tags={tags}", *arguments],
+        [sys.executable, str(tool), command, *words, *arguments],
         capture_output=True,
         text=True,
         check=False,
@@ -150,6 +159,50 @@ def release_manifest(text: str, release: str, wheels: list[Path]) -> str:
     return f"{head}\n{fetch_wheels.manifest_lines(release, wheels)}{bracket}{tables}"
 
 
+def moment_of(root: Path) -> int:
+    """Return the time that a zip's files are given, in seconds since 1970.
+
+    Parameters
+    ----------
+    root : Path
+        The project's top folder.
+
+    Returns
+    -------
+    int
+        ``SOURCE_DATE_EPOCH`` where the environment has it, else the time of the last commit.
+    """
+    chosen = os.environ.get("SOURCE_DATE_EPOCH", "")
+    if not chosen:
+        done = subprocess.run(
+            ["git", "-C", str(root), "log", "-1", "--format=%ct"], capture_output=True, text=True, check=False
+        )
+        chosen = done.stdout.strip()
+    return max(int(chosen), EARLIEST) if chosen.isdecimal() else EARLIEST
+
+
+def make_reproducible(zip_path: Path, moment: int) -> None:
+    """Write a zip again with sorted names, one time for all, and one mode.
+
+    Parameters
+    ----------
+    zip_path : Path
+        The zip, which is replaced.
+    moment : int
+        The time, in seconds since 1970.
+    """
+    made = zip_path.with_suffix(".part")
+    date = time.gmtime(moment)[:6]
+    with zipfile.ZipFile(zip_path) as old, zipfile.ZipFile(made, "w") as new:
+        for name in sorted(old.namelist()):
+            entry = zipfile.ZipInfo(name, date)
+            entry.compress_type = old.getinfo(name).compress_type
+            # As on Linux, wherever it is built: a file that all may read.
+            entry.create_system, entry.external_attr = 3, 0o100644 << 16
+            new.writestr(entry, old.read(name), compresslevel=9)
+    made.replace(zip_path)
+
+
 def check_contents(zip_path: Path, wheels: list[Path]) -> None:
     """Make sure that a zip holds the extension, its wheels, and nothing else.
 
@@ -171,6 +224,8 @@ def check_contents(zip_path: Path, wheels: list[Path]) -> None:
         raise BuildError(f"{zip_path.name} holds files that do not belong in it: {', '.join(strangers)}")
     needed = {MANIFEST, "LICENSE", "__init__.py", "potmesil_addon/__init__.py"}
     needed |= {f"wheels/{wheel.name}" for wheel in wheels}
+    if wheels:
+        needed.add(third_party.FILE)
     if missing := needed - {name.as_posix() for name in names}:
         raise BuildError(f"{zip_path.name} lacks {', '.join(sorted(missing))}")
     shipped_wheels = {name.name for name in names if name.suffix == ".whl"}
@@ -178,7 +233,9 @@ def check_contents(zip_path: Path, wheels: list[Path]) -> None:
         raise BuildError(f"{zip_path.name} holds the wheels {sorted(shipped_wheels)}")
 
 
-def build(output: Path, release: str | None, root: Path = ROOT) -> Path:
+def build(
+    output: Path, release: str | None, root: Path = ROOT, wheels_folder: Path = fetch_wheels.FOLDER
+) -> Path:
     """Build one zip and validate it.
 
     Parameters
@@ -189,6 +246,8 @@ def build(output: Path, release: str | None, root: Path = ROOT) -> Path:
         Platform and Python whose wheels ride along, for example ``linux-x64-cp311``; None for a zip without.
     root : Path
         The project's top folder.
+    wheels_folder : Path
+        Folder of the downloaded wheels.
 
     Returns
     -------
@@ -198,16 +257,20 @@ def build(output: Path, release: str | None, root: Path = ROOT) -> Path:
     Raises
     ------
     BuildError
-        If Blender's tool refuses the extension, or the zip holds the wrong files.
+        If Blender's tool refuses the extension, the zip holds the wrong files, or a wheel is not the pinned
+        one or not under a licence that is known.
     """
     text = (root / MANIFEST).read_text(encoding="utf-8")
     manifest = tomllib.loads(text)
     name = f"{manifest['id']}-{manifest['version']}"
     wheels: list[Path] = []
+    notices = ""
     if release is not None:
         try:
-            wheels = fetch_wheels.find_wheels(release)
-        except (FileNotFoundError, ValueError) as error:
+            wheels = fetch_wheels.find_wheels(release, wheels_folder)
+            fetch_wheels.check_hashes(wheels, fetch_wheels.read_hashes())
+            notices = third_party.notices([third_party.read_wheel(wheel) for wheel in wheels])
+        except (FileNotFoundError, ValueError, third_party.LicenseError) as error:
             raise BuildError(str(error)) from error
         text = release_manifest(text, release, wheels)
         platform, python = fetch_wheels.split_release(release)
@@ -224,8 +287,11 @@ def build(output: Path, release: str | None, root: Path = ROOT) -> Path:
         for wheel in wheels:
             (stage / "wheels").mkdir(exist_ok=True)
             shutil.copyfile(wheel, stage / "wheels" / wheel.name)
+        if notices:
+            (stage / third_party.FILE).write_text(notices, encoding="utf-8", newline="\n")
         (stage / MANIFEST).write_text(text, encoding="utf-8")
         blender_ext("build", f"--source-dir={stage}", f"--output-filepath={zip_path}")
+    make_reproducible(zip_path, moment_of(root))
     try:
         blender_ext("validate", str(zip_path))
         check_contents(zip_path, wheels)
@@ -242,7 +308,7 @@ def main() -> int:
     parser.add_argument("--output", type=Path, default=ROOT / "dist", help="folder that the zip goes to")
     parser.add_argument(
         "--wheels",
-        choices=["none", *fetch_wheels.RELEASES],
+        choices=["none", *fetch_wheels.RELEASES, fetch_wheels.TRIAL],
         default="none",
         metavar="none|PLATFORM-PYTHON",
         help=f"wheels that ride along: none, {', '.join(fetch_wheels.RELEASES)}",

@@ -1,12 +1,14 @@
 """Download the wheels that ride in a release zip, at the versions pinned in ``requirements/wheels.txt``.
 
 A release is named by platform and Python, for example ``linux-x64-cp311``. The wheels go to
-``build/wheels/RELEASE/``, which is never committed.
+``build/wheels/RELEASE/``, which is never committed. ``requirements/wheels.sha256`` has the hash of every
+wheel; one with another hash is refused.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import re
 import subprocess
 import sys
@@ -14,6 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PINS = ROOT / "requirements" / "wheels.txt"
+HASHES = ROOT / "requirements" / "wheels.sha256"
 FOLDER = ROOT / "build" / "wheels"
 
 # Blender runs on glibc 2.28 and later. pip compares these tags letter by letter, so each one is named:
@@ -30,6 +33,10 @@ PLATFORM_TAGS = {
 PYTHON_VERSIONS = {"cp311": "3.11", "cp313": "3.13"}
 RELEASES = [f"{platform}-{python}" for platform in PLATFORM_TAGS for python in PYTHON_VERSIONS]
 
+# For the tests alone, in the Blender of a Linux distribution, which has that distribution's Python.
+TRIAL = "linux-x64-cp314"
+TRIAL_PYTHON = {"cp314": "3.14"}
+
 PIN = re.compile(
     r"(?P<name>[\w.-]+)==(?P<version>[\w.]+)(?:\s*;\s*python_version\s*==\s*\"(?P<python>[\d.]+)\")?"
 )
@@ -41,9 +48,9 @@ def split_release(release: str) -> tuple[str, str]:
     Raises
     ------
     ValueError
-        If the name is not one of `RELEASES`.
+        If the name is neither one of `RELEASES` nor `TRIAL`.
     """
-    if release not in RELEASES:
+    if release not in [*RELEASES, TRIAL]:
         raise ValueError(f"{release!r} is not one of {', '.join(RELEASES)}")
     platform, _, python = release.rpartition("-")
     return platform, python
@@ -69,6 +76,8 @@ def read_pins(python: str, path: Path = PINS) -> dict[str, str]:
     ValueError
         If a line is not an exact pin, or pins a distribution twice for this Python.
     """
+    # A Python that no Blender of Blender's own has yet is tried with the newest one's versions.
+    version = PYTHON_VERSIONS.get(python, max(PYTHON_VERSIONS.values()))
     pins: dict[str, str] = {}
     for raw in path.read_text(encoding="utf-8").splitlines():
         line = raw.partition("#")[0].strip()
@@ -77,12 +86,52 @@ def read_pins(python: str, path: Path = PINS) -> dict[str, str]:
         match = PIN.fullmatch(line)
         if match is None:
             raise ValueError(f'{path.name}: cannot read "{line}", expected name==version')
-        if match["python"] not in (None, PYTHON_VERSIONS[python]):
+        if match["python"] not in (None, version):
             continue
         if match["name"] in pins:
             raise ValueError(f"{path.name}: {match['name']} is pinned twice for {python}")
         pins[match["name"]] = match["version"]
     return pins
+
+
+def read_hashes(path: Path = HASHES) -> dict[str, str]:
+    """Read the wheels' SHA-256 hashes.
+
+    Returns
+    -------
+    dict of str to str
+        Hash, in hexadecimal digits, by file name.
+    """
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return {name: digest for digest, name in (line.split() for line in lines)}
+
+
+def hash_of(path: Path) -> str:
+    """Return a file's SHA-256 hash, in hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def check_hashes(wheels: list[Path], hashes: dict[str, str]) -> None:
+    """Make sure that wheels are those that were pinned.
+
+    Raises
+    ------
+    ValueError
+        If a wheel's hash is another, or none is known.
+    """
+    for wheel in wheels:
+        if wheel.name not in hashes:
+            raise ValueError(f"{HASHES.name} has no hash of {wheel.name}; see tools/fetch_wheels.py --record")
+        if hash_of(wheel) != hashes[wheel.name]:
+            raise ValueError(f"{wheel} is not the wheel whose hash is in {HASHES.name}; remove it")
+
+
+def record_hashes(wheels: list[Path], path: Path = HASHES) -> None:
+    """Write the wheels' hashes, as ``sha256sum --check`` reads them."""
+    names = {wheel.name: wheel for wheel in wheels}
+    lines = [f"{hash_of(wheel)}  {name}\n" for name, wheel in sorted(names.items())]
+    path.write_text("".join(lines), encoding="utf-8")
 
 
 def find_wheels(release: str, folder: Path = FOLDER) -> list[Path]:
@@ -131,13 +180,14 @@ def fetch(release: str, folder: Path = FOLDER) -> list[Path]:
     platform, python = split_release(release)
     target = folder / release
     target.mkdir(parents=True, exist_ok=True)
+    versions = PYTHON_VERSIONS | TRIAL_PYTHON
     for stale in target.iterdir():
         stale.unlink()
     command = [sys.executable, "-m", "pip", "download", "-qq", "--disable-pip-version-check"]
     command += ["--no-deps", "--only-binary=:all:", "--implementation", "cp"]
     command += [
         "--python-version",
-        PYTHON_VERSIONS[python],
+        versions[python],
         "--abi",
         python,
         "--abi",
@@ -163,22 +213,37 @@ def manifest_lines(release: str, wheels: list[Path]) -> str:
 def main() -> int:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("releases", nargs="+", choices=RELEASES, metavar="RELEASE", help=", ".join(RELEASES))
+    known = [*RELEASES, TRIAL]
+    parser.add_argument("releases", nargs="+", choices=known, metavar="RELEASE", help=", ".join(known))
+    parser.add_argument(
+        "--record",
+        action="store_true",
+        help=f"write {HASHES.name} anew: after a pin has changed, for all releases",
+    )
     parser.add_argument(
         "--print-manifest", action="store_true", help="print the manifest's entries instead of the sizes"
     )
     arguments = parser.parse_args()
+    fetched: list[Path] = []
     for release in arguments.releases:
         try:
             wheels = fetch(release)
+            if not arguments.record:
+                check_hashes(wheels, read_hashes())
         except subprocess.CalledProcessError:
             print(f"pip could not download the wheels of {release}.", file=sys.stderr)
             return 1
+        except ValueError as error:
+            print(f"fetch_wheels: {error}", file=sys.stderr)
+            return 1
+        fetched += wheels
         if arguments.print_manifest:
             print(manifest_lines(release, wheels), end="")
         else:
             size = sum(wheel.stat().st_size for wheel in wheels)
             print(f"{release}: {len(wheels)} wheels, {size / 1e6:.1f} MB")
+    if arguments.record:
+        record_hashes(fetched)
     return 0
 
 
