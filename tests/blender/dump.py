@@ -34,6 +34,8 @@ WORKED_OUT = (
     # Undo reads the file anew, and counts users and notes what is its own later than reading does.
     r"\.users$",
     r"\.is_runtime_data$",
+    # Of a scene that a script made, Blender 4.5 and 5.0 turn the cursor when they read it again.
+    r"^scenes\['Potmesil Stage'\]\.cursor\.",
     # What tools note when they are first looked at.
     r"\.tool_settings\.(particle_edit\.object$|image_paint\.cavity_curve)",
 )
@@ -68,6 +70,7 @@ _KINDS_APART = {
     # Of their own length: colours and sizes of the interface.
     "Theme",
     "ThemeStyle",
+    "StudioLight",
     "KeyConfig",
     "KeyMap",
     "Depsgraph",
@@ -120,6 +123,7 @@ def dump(*, results: bool = False) -> Dump:
         The values. The dump of the same scene is the same, and outlives undo and new files.
     """
     values: Dump = {}
+    _known.clear()
     with warnings.catch_warnings():
         # Some properties say that a later Blender will not have them.
         warnings.simplefilter("ignore")
@@ -241,8 +245,10 @@ class _Walk:
         if isinstance(fixed, bpy.types.ID) or fixed.identifier in _KINDS_APART:
             self._values[path] = [None if item is None else getattr(item, "name_full", "") for item in items]
         else:
-            self._values[f"{path} (count)"] = len(items)
-            for number, item in enumerate(items):
+            # Of passes that were on for a while, Blender keeps sockets that are not there for anyone.
+            items_there = [item for item in items if not _is_absent(item)]
+            self._values[f"{path} (count)"] = len(items_there)
+            for number, item in enumerate(items_there):
                 self._reference(f"{path}[{number}]", item)
         # Such as what is active.
         for own in [] if prop.srna is None else _properties(prop.srna):
@@ -267,11 +273,20 @@ class _Walk:
                 self._values[f"{path}[{name!r}]"] = plain(item[name])
 
 
+def _is_absent(item: Any) -> bool:
+    return isinstance(item, bpy.types.NodeSocket) and not item.enabled
+
+
+_known: dict[str, list[Any]] = {}
+"""Of types that were met in this dump, the properties that are written down."""
+
+
 def _properties(kind: Any) -> list[Any]:
     """Return the properties of a type that are written down."""
-    return [
-        prop for prop in kind.properties if prop.identifier != "rna_type" and prop.identifier not in _PASSING
-    ]
+    if kind.identifier not in _known:
+        names = {"rna_type", *_PASSING}
+        _known[kind.identifier] = [prop for prop in kind.properties if prop.identifier not in names]
+    return _known[kind.identifier]
 
 
 def plain(value: Any) -> Any:
