@@ -13,7 +13,7 @@ from .scenes import card
 
 
 def artists_scene(folder: Path) -> Any:
-    """Make the scene anew in an empty file, and return it.
+    """Make the scene anew in an empty file, also where the extension is off, and return it.
 
     Parameters
     ----------
@@ -53,7 +53,8 @@ def artists_scene(folder: Path) -> Any:
     scene.frame_set(2)
     # Changed and not keyed.
     near.location.z = 0.25
-    scene.potmesil_camera.fade = 0.75
+    if hasattr(scene, "potmesil_camera"):
+        scene.potmesil_camera.fade = 0.75
     layer = scene.view_layers[0]
     for item in layer.objects:
         item.select_set(item.name == "Near", view_layer=layer)
@@ -78,7 +79,8 @@ def _settings(scene: Any, folder: Path) -> None:
     render.filepath = str(folder / "out" / "frame_")
     render.use_motion_blur = True
     scene.frame_start, scene.frame_end, scene.frame_step = 1, 3, 2
-    scene.potmesil_camera.samples_path = str(folder / "samples_####.exr")
+    if hasattr(scene, "potmesil_camera"):
+        scene.potmesil_camera.samples_path = str(folder / "samples_####.exr")
     scene.world = bpy.data.worlds.new("World")
 
 
@@ -124,7 +126,8 @@ def _hidden(scene: Any, material: Any) -> None:
     scene.collection.objects.unlink(out)
     collection.objects.link(out)
     collection.hide_viewport = True
-    collection.potmesil_camera.peel = True
+    if hasattr(collection, "potmesil_camera"):
+        collection.potmesil_camera.peel = True
     scene.view_layers[0].layer_collection.children["Apart"].hide_viewport = True
 
 
@@ -132,8 +135,9 @@ def _driven(scene: Any, material: Any) -> None:
     item = card(scene, "Driven", (0.0, 7.0, 1.0), 0.3, material)
     curve = item.driver_add("location", 0)
     curve.driver.expression = "frame / 10"
-    curve = scene.driver_add("potmesil_camera.slit_width")
-    curve.driver.expression = "0.25"
+    if hasattr(scene, "potmesil_camera"):
+        curve = scene.driver_add("potmesil_camera.slit_width")
+        curve.driver.expression = "0.25"
 
 
 def _linked(scene: Any, folder: Path, material: Any) -> None:

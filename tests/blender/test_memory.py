@@ -27,7 +27,7 @@ WARM_UP = 20
 """Cycles in which lists that Blender keeps short, as that of the last operators, are filled."""
 
 MOST = 4.0
-"""Growth in kB each cycle: an add-on of empty panels has some, and anything of a scene or a panel has more."""
+"""Growth in kB each cycle; anything that belongs to a scene or a panel is larger."""
 
 
 class _MallInfo(ctypes.Structure):

@@ -2,8 +2,8 @@
 
 A scene with one of everything (`artist`) is dumped whole (`dump`) before and after. What an operator exists
 to change is declared here; all else must be the same. Settings, cancels and errors are drawn at random, the
-same ones in every run; ``POTMESIL_THOROUGH=1`` draws many more and lets the processors run, for which a
-stand-in is enough otherwise: they know nothing of Blender.
+same ones in every run; ``POTMESIL_THOROUGH=1`` draws many more. A stand-in is enough for the processors, which
+know nothing of Blender.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pathlib import Path
 from types import FrameType, SimpleNamespace
 from typing import Any
 
+import addon_utils
 import bpy
 import numpy as np
 import pytest
@@ -454,8 +455,7 @@ def folder(extension: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def untouched(extension: Any, module: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     """The extension with stand-ins for what takes long or needs a window."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    if not THOROUGH:
-        monkeypatch.setattr(module("potmesil_addon.process"), "process", _quick)
+    monkeypatch.setattr(module("potmesil_addon.process"), "process", _quick)
     for name in ("render", "all_frames", "composite"):
         monkeypatch.setattr(module(f"operators.{name}"), "render_as_job", _as_job)
     yield module
@@ -567,3 +567,19 @@ def test_adding_and_removing_a_stage_is_as_if_nothing_had_been(untouched: Any, f
     bpy.ops.potmesil.remove_stage()
     # Blender counts a scene's users up where Render Layers nodes come, and not always down where they go.
     same(before, (r"^scenes.*\.users$",))
+
+
+def test_disabling_leaves_nothing(untouched: Any, folder: Path) -> None:
+    addon_utils.disable(PACKAGE)
+    try:
+        artists_scene(folder)
+        before = dump()
+        addon_utils.enable(PACKAGE)
+        bpy.context.scene.potmesil_camera.samples_path = str(folder / "samples_####.exr")
+        for name in ("render", "add_stage", "process", "remove_stage"):
+            assert run(name, {}, Ending("done")) == "{'FINISHED'}"
+        addon_utils.disable(PACKAGE)
+        # What is saved with the file stays, for when the extension is enabled again.
+        same(before, (r"\['potmesil_camera'\]", r"^scenes.*\.users$"))
+    finally:
+        addon_utils.enable(PACKAGE)
