@@ -118,13 +118,15 @@ def test_a_thousand_times_on_and_off(extension: Any, scene: Any) -> None:
 
 
 def _empty_addon() -> None:
-    """Register and unregister as many panels as a small add-on has, with nothing in them."""
-    kind = {"bl_space_type": "VIEW_3D", "bl_region_type": "UI", "bl_label": "Empty", "draw": lambda *_: None}
-    panels = [type(f"EMPTY_PT_{n}", (bpy.types.Panel,), dict(kind)) for n in range(20)]
-    for panel in panels:
-        bpy.utils.register_class(panel)
-    for panel in panels:
-        bpy.utils.unregister_class(panel)
+    """Register and unregister twenty operators with nothing in them."""
+    kinds = [
+        type(f"EMPTY_OT_{n}", (bpy.types.Operator,), {"bl_idname": f"empty.n{n}", "bl_label": "Empty"})
+        for n in range(20)
+    ]
+    for kind in kinds:
+        bpy.utils.register_class(kind)
+    for kind in kinds:
+        bpy.utils.unregister_class(kind)
 
 
 def test_a_thousand_pictures(scene: Any) -> None:
