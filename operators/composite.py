@@ -14,6 +14,7 @@ from ..potmesil_addon.errors import InputError
 from . import stage
 from .borrow import Borrowed
 from .job import render_as_job
+from .motion import kept_scene
 from .work import SteppedOperator, by_frames, doing
 
 
@@ -103,7 +104,8 @@ def composite(
     refuse_unready(scene)
     frame = iface_("Compositing Frame {frame}").format(frame=scene.frame_current)
     doing(iface_("Compositing All Frames") if animation else frame)
-    with Borrowed() as borrowed:
+    # Renders, too, take changes back that were never keyed.
+    with kept_scene(scene), Borrowed() as borrowed:
         # With no Render Layers node of the scene Blender runs the compositor alone.
         for node in stage.rendering_nodes(scene):
             borrowed.set(node, "mute", True)

@@ -29,7 +29,7 @@ def use_user_cache() -> None:
 
 
 def compile_beside(samples: Path, settings: dict[str, Any]) -> None:
-    """Have a second process compile kernels too, should any of a picture's have to be.
+    """Have a second process compile kernels too, should any of a picture's have to be, until `end_beside`.
 
     Parameters
     ----------
@@ -40,10 +40,20 @@ def compile_beside(samples: Path, settings: dict[str, Any]) -> None:
     """
     from ..potmesil_addon import jit  # noqa: PLC0415 - imports numba
 
+    end_beside()
     _Wanted.arguments = [str(samples), json.dumps(settings), str(cache_folder())]
     if not _Wanted.listening and (os.cpu_count() or 1) > 1:
         _Wanted.listening = True
         jit.on_compile(_help)
+
+
+def end_beside() -> None:
+    """End that process: the picture is there, or nobody waits for it any more."""
+    _Wanted.arguments = None
+    process, _Wanted.process = _Wanted.process, None
+    if process is not None:
+        process.kill()
+        process.wait()
 
 
 class _Wanted:
@@ -51,6 +61,7 @@ class _Wanted:
 
     arguments: list[str] | None = None
     listening = False
+    process: subprocess.Popen[bytes] | None = None
 
 
 def _help(_: str) -> None:
@@ -58,7 +69,7 @@ def _help(_: str) -> None:
     if arguments is not None:
         # Alone it takes longer, and comes to the same.
         with contextlib.suppress(OSError, InputError):
-            beside.start("warm", arguments, subprocess.DEVNULL)
+            _Wanted.process = beside.start("warm", arguments, subprocess.DEVNULL)
 
 
 def cache_folder() -> Path:

@@ -123,6 +123,8 @@ class ProbeScene:
         self._mark()
         self.scene = self._keep(original.copy())
         self.scene.name = "Potmesil Probe"
+        # At each frame they would put the artist's cameras in the place of the probe's own.
+        self.scene.timeline_markers.clear()
         self._set_up_renderer()
         self._add_camera()
         self._add_lamps()
@@ -203,7 +205,7 @@ class ProbeScene:
         item = self._keep(bpy.data.objects.new("Potmesil Probe", data))
         self._place = Matrix(np.linalg.inv(camera.world_to_camera).tolist())
         self.scene.collection.objects.link(item)
-        self.scene.camera = item
+        self.scene.camera = self._camera = item
         distance = lens.focus_distance if math.isfinite(lens.focus_distance) else _FAR
         # So far that what is in focus shifts by a pixel: neighbours tell what lies between.
         pitch = min(camera.film.pitch_x, camera.film.pitch_y)
@@ -247,7 +249,7 @@ class ProbeScene:
                 for ray in ("visible_camera", "visible_glossy", "visible_transmission"):
                     borrowed.set(item, ray, False)
         shift = ((0.0, 0.0, 0.0), (self.baseline, 0.0, 0.0), (0.0, self.baseline, 0.0))[view.shift]
-        self.scene.camera.matrix_world = self._place @ Matrix.Translation(Vector(shift))
+        self._camera.matrix_world = self._place @ Matrix.Translation(Vector(shift))
         key = view.light, view.gives
         if key not in self._materials:
             material = self._keep(bpy.data.materials.new("Potmesil Probe"))

@@ -118,11 +118,14 @@ def process_samples(
     values = _values_of(scene, context)
     settings = settings_from_json(values)
     kernels.compile_beside(path, values)
-    yield 0.0
-    stamp = _stamp(path)
-    samples = exr.read_samples(path)
-    yield 0.1
-    result = yield from scaled(by_turns(process(samples, settings)), 0.1, 0.9)
+    try:
+        yield 0.0
+        stamp = _stamp(path)
+        samples = exr.read_samples(path)
+        yield 0.1
+        result = yield from scaled(by_turns(process(samples, settings)), 0.1, 0.9)
+    finally:
+        kernels.end_beside()
     image = store_result(result.picture)
     _Last.picture = None
     if stage_scene(scene) is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -34,3 +35,23 @@ def test_the_second_process_compiles_what_a_picture_needs(
     names = {path.name.split("-")[0] for path in (tmp_path / "kernels").rglob("*.nbi")}
     assert "scatter._scatter_bands" in names
     assert "blocks._put_together" in names
+
+
+def test_the_second_process_ends_with_the_picture(
+    scene: Any, module: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kernels, process = module("operators.kernels"), module("operators.process")
+    monkeypatch.setattr(module("operators.beside"), "start", lambda *_: subprocess.Popen(["sleep", "600"]))
+    for number, end in enumerate(("close", "throw")):
+        steps = process.process_samples(bpy.context, tmp_path / f"missing_{number}.exr")
+        next(steps)
+        kernels._help("some kernel")
+        helper = kernels._Wanted.process
+        assert helper.poll() is None
+        if end == "close":
+            steps.close()
+        else:
+            with pytest.raises(module("potmesil_addon.errors").PotmesilError):
+                next(steps)
+        assert helper.poll() is not None
+        assert kernels._Wanted.process is None
