@@ -1183,9 +1183,6 @@ GERMAN: dict[str, str] = {
     "Cannot write '{path}': {reason}; check the folder and the disk.": (
         "'{path}' lässt sich nicht schreiben: {reason}; Ordner und Datenträger prüfen."
     ),
-    "Cannot write '{path}' ({reason}); check the output settings.": (
-        "'{path}' lässt sich nicht schreiben ({reason}); die Ausgabeeinstellungen prüfen."
-    ),
     "Frame {frame}: {error}": "Bild {frame}: {error}",
     "All frames have the same samples file; put #### into the samples path, and render again.": (
         "Alle Bilder haben dieselbe Datei für Abtastwerte; #### in den Pfad der Abtastwerte aufnehmen und "
