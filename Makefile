@@ -27,11 +27,13 @@ BENCH := build/bench/env
 BENCH_ARGS ?=
 FIGURES_ARGS ?=
 RELEASE_ARGS ?=
+FUZZ_SECONDS ?= 120
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .PHONY: help setup system-packages demo test test-all test-others test-gui benchmark bench-fidelity \
-	bench-reflections bench-flicker bench-speed test-slurm figures scenes extension release lint format docs clean
+	bench-reflections bench-flicker bench-speed test-slurm fuzz figures scenes extension release lint format docs \
+	clean
 
 help:  ## list these targets
 	@echo "make TARGET [BLENDER_VERSION=$(BLENDER_VERSION)]   (one of $(BLENDER_VERSIONS))"
@@ -128,6 +130,18 @@ bench-speed: $(BENCH)/.stamp  ## measure speed and memory beside Defocus, Vector
 
 benchmark: $(BENCH)/.stamp  ## measure motion blur against Cycles and Vector Blur, into build/bench/motion
 	$(BENCH)/bin/python benchmarks/motion_fidelity.py $(BENCH_ARGS)
+
+# Fuzzing has an environment of its own too; the package has no wheels for every Python.
+.venv/fuzz/.stamp: requirements/core.txt requirements/fuzz.txt requirements/wheels.txt
+	@python=$$(tools/find_python 3.11) && \
+	"$$python" -m venv .venv/fuzz && \
+	.venv/fuzz/bin/python $(PIP_INSTALL) -r requirements/core.txt -r requirements/fuzz.txt && \
+	touch $@
+
+fuzz: .venv/fuzz/.stamp  ## fuzz what reads files for FUZZ_SECONDS, into build/fuzz
+	.venv/fuzz/bin/python tools/fuzz.py json --seconds $$(($(FUZZ_SECONDS) / 4))
+	.venv/fuzz/bin/python tools/fuzz.py samples --seconds $$(($(FUZZ_SECONDS) * 3 / 4)) \
+		$(if $(wildcard ../shared/data/exr-damaged),--more ../shared/data/exr-damaged)
 
 extension: $(ENV)/.stamp  ## build and validate the extension without wheels, into dist/
 	$(PY) tools/build_extension.py --output dist

@@ -148,6 +148,7 @@ def _run(scene: bpy.types.Scene, stage: Stage, parser: argparse.ArgumentParser, 
     from ..potmesil_addon import cli, jit  # noqa: PLC0415 - see kernels
 
     options = parser.parse_args(words)
+    cli.apply_read_limits(options)
     batch = batch_options(options)
     frames = tuple(frames_of(scene)) if options.frames is None else parse_frames(options.frames)
     # What is wrong with the options is said before the first render.

@@ -14,7 +14,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,6 +27,7 @@ from .diffraction import lommel_intensity, optical_defocus, optical_radius
 from .effect_options import described, read_effects, with_options
 from .effects import Effects, effects_from_json
 from .errors import EXIT_DONE, EXIT_MEMORY, InputError, PotmesilError, SettingsError
+from .exr_claims import ReadLimits, parse_read_limits, set_read_limits
 from .focus import WEIGHTINGS
 from .frames import existing_frames, frame_path, parse_frames
 from .keys import Scale, parse_keys
@@ -105,6 +106,7 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m potme
         # Blender's own command line takes a return value, not an exception.
         return int(stop.code or 0)
     try:
+        apply_read_limits(options)
         status: int = options.run(options)
     except PotmesilError as error:
         print(f"Error: {error}", file=sys.stderr)
@@ -150,6 +152,7 @@ def add_core_commands(commands: Any) -> None:
     info = commands.add_parser("info", help="say what a samples file holds")
     info.add_argument("input", type=Path, metavar="IN.exr")
     info.add_argument("--json", action="store_true", help="print JSON")
+    add_read_limits(info)
     info.set_defaults(run=_info)
 
     effects = commands.add_parser("effects", help="list the special effects and what can be set")
@@ -311,10 +314,44 @@ def add_process_options(parser: argparse.ArgumentParser) -> None:
         help="write how far each pixel is expected to be off",
     )
     parser.add_argument("--report", type=Path, metavar="OUT.json", help="write what was done as JSON")
+    add_read_limits(parser)
     parser.add_argument("--backend", choices=BACKENDS, default="auto")
     parser.add_argument(
         "--threads", type=int, metavar="N", help="default: as many as the farm allows, or all cores"
     )
+
+
+def add_read_limits(parser: argparse.ArgumentParser) -> None:
+    """Add the option that `apply_read_limits` reads.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Receives the option.
+    """
+    parser.add_argument(
+        "--read-limits",
+        metavar="NAME=NUMBER,...",
+        help="raise what a file's header may claim: " + ", ".join(item.name for item in fields(ReadLimits)),
+    )
+
+
+def apply_read_limits(options: argparse.Namespace) -> None:
+    """Let files claim as much as the options say, in this process.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Parsed options.
+
+    Raises
+    ------
+    SettingsError
+        If the text of ``--read-limits`` is wrong.
+    """
+    text = getattr(options, "read_limits", None)
+    if text is not None:
+        set_read_limits(parse_read_limits(text))
 
 
 def process_settings(options: argparse.Namespace, frame: int | None = None) -> ProcessSettings:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
+from . import schemas
 from .effects import KINDS, UNITS, check_value
 from .errors import InputError, SettingsError
 from .keys import parse_keys
 
 _OFF: Final = "off"
 _HUGE: Final = 1e300
+_MOST_CHARACTERS: Final = 1 << 20
 _FLAGS: Final = {"on": True, "true": True, _OFF: False, "false": False}
 
 # For each effect its fields in the core's units; None for one that is off.
@@ -85,10 +86,16 @@ def read_effects(path: Path) -> Values:
         If there is no such effect or field, or it cannot have the value.
     """
     try:
-        values = json.loads(path.read_text(encoding="utf-8-sig"))
+        with path.open(encoding="utf-8-sig") as file:
+            text = file.read(_MOST_CHARACTERS + 1)
+        if len(text) > _MOST_CHARACTERS:
+            raise InputError(f"'{path}' is too long for a file of effects.")
+        values = schemas.parse(text)
     except OSError as error:
         raise InputError(f"'{path}' cannot be read: {error.strerror}.") from None
-    except (ValueError, RecursionError):
+    except schemas.JsonError as error:
+        raise InputError(f"'{path}' is no JSON file: {error}.") from None
+    except ValueError:
         raise InputError(f"'{path}' is no JSON file.") from None
     if not isinstance(values, dict) or not all(
         said is None or isinstance(said, dict) for said in values.values()
@@ -146,13 +153,13 @@ def _in_unit(value: Any, unit: str) -> Any:
 
 def _fields_of(name: str) -> dict[str, Field[Any]]:
     if name not in KINDS:
-        raise SettingsError(f"There is no effect '{name}'; there are {', '.join(KINDS)}.")
+        raise SettingsError(f"There is no effect {name!r:.80}; there are {', '.join(KINDS)}.")
     return {item.name: item for item in fields(KINDS[name])}
 
 
 def _field_of(name: str, item_name: str, items: dict[str, Field[Any]]) -> Field[Any]:
     if item_name not in items:
-        raise SettingsError(f"'{name}' has no '{item_name}'; it has {', '.join(items)}.")
+        raise SettingsError(f"'{name}' has no {item_name!r:.80}; it has {', '.join(items)}.")
     return items[item_name]
 
 
@@ -187,7 +194,7 @@ def _from_text(name: str, text: str, item: Field[Any], frame: int | None) -> Any
 def _from_json(name: str, value: Any, item: Field[Any]) -> Any:
     """Return a field's value in the core's units, checked."""
     about = item.metadata
-    wrong = SettingsError(f"{name} cannot be {value!r}.")
+    wrong = SettingsError(f"{name} cannot be {value!r:.80}.")
     if "least" in about:
         if not _is_number(value):
             raise wrong

@@ -256,14 +256,14 @@ def effects_from_json(values: Mapping[str, Any]) -> Effects:
     found: dict[str, Any] = {}
     for name, said in values.items():
         if name not in KINDS:
-            raise SettingsError(f"There is no effect '{name}'; there are {', '.join(KINDS)}.")
+            raise SettingsError(f"There is no effect {name!r:.80}; there are {', '.join(KINDS)}.")
         if said is None:
             continue
         kind = KINDS[name]
         known = {item.name for item in fields(kind)}
         unknown = sorted(set(said) - known)
         if unknown:
-            raise SettingsError(f"'{name}' has no '{unknown[0]}'; it has {', '.join(sorted(known))}.")
+            raise SettingsError(f"'{name}' has no {unknown[0]!r:.80}; it has {', '.join(sorted(known))}.")
         found[name] = kind(**{key: tuple(v) if isinstance(v, list) else v for key, v in said.items()})
     return Effects(**found)
 
@@ -283,7 +283,7 @@ def check_value(name: str, value: Any, item: Field[Any]) -> None:
     about = item.metadata
     if "choices" in about:
         if value not in about["choices"]:
-            raise SettingsError(f"{name} is one of {', '.join(about['choices'])}, not '{value}'.")
+            raise SettingsError(f"{name} is one of {', '.join(about['choices'])}, not {value!r:.80}.")
     elif "color" in about:
         if len(value) != 3 or not all(math.isfinite(v) and v >= 0.0 for v in value):
             raise SettingsError(f"{name} must be three numbers of 0 or more.")

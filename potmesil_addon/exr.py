@@ -8,6 +8,7 @@ standard attributes; what those have no name for, in attributes that begin with 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import hashlib
 import io
 import json
@@ -26,9 +27,11 @@ import numpy as np
 import numpy.typing as npt
 import OpenEXR
 
+from . import schemas
 from .aperture import SAMPLE_POSITIONS
 from .camera import Camera, Film, without_scale
 from .errors import InputError, SettingsError
+from .exr_claims import check_claims
 from .files import utf8_path, whole_file
 from .lamps import Lamp, lamps_from_json
 from .lens import FloatArray, Lens
@@ -45,9 +48,6 @@ from .samples import (
     repair,
 )
 from .shutter import ShutterAttributes, attributes_from_json, attributes_to_json
-
-MAX_PIXELS: Final = 1 << 28
-"""Largest data window that is read, 16384 x 16384; a damaged header can ask for any memory."""
 
 _NO_SURFACE_DEPTH: Final = 1e9
 """Depths from here on are Blender's way (1e10) of saying that there is no surface."""
@@ -85,6 +85,9 @@ _INTEGERS: Final[tuple[PassName, ...]] = ("object_index", "patch")
 
 _PRIMARIES: Final = 3
 
+_LISTED: Final = 20
+"""Layers that a sentence names."""
+
 _LARGEST_INDEX: Final = np.iinfo(np.int32).max
 
 DIGEST_ATTRIBUTE: Final = "potmesil:digest"
@@ -95,6 +98,18 @@ Two renders of one frame have the same, though Blender writes its time of day in
 
 _SHARED_BY_PARTS: Final = ("pixelAspectRatio",)
 """Attributes of ours that OpenEXR wants to be the same in all parts of a file."""
+
+_LEAST: Final = 1e-9
+_MOST: Final = 1e9
+
+_PLAUSIBLE: Final = {
+    "aperture": (1e-4, 1e6),
+    "potmesil:apertureBlades": (0.0, 1000.0),
+    "potmesil:apertureRatio": (1e-3, 1e3),
+    "potmesil:apertureRotation": (-1e6, 1e6),
+    "pixelAspectRatio": (1e-3, 1e3),
+}
+"""Least and most of numbers that are believed; the others are positive, from `_LEAST` to `_MOST`."""
 
 _CARRIED: Final = (
     "nominalFocalLength", "aperture", "focus", "sensorOverallDimensions", "worldToCamera", "worldToNDC",
@@ -277,7 +292,7 @@ def samples_of(raw: RawFile, path: Path, layers: tuple[str, ...] | None = None) 
     display_window = raw.display_window
     position = header.get("potmesil:samplePosition", "center")
     if not isinstance(position, str) or position not in SAMPLE_POSITIONS:
-        raise InputError(f"'{path}' has samples at '{position}', which must be center or corner.")
+        raise InputError(f"'{path}' has samples at {position!r}, which must be center or corner.")
     supersampling = _number(header, "potmesil:supersampling") or 1.0
     if supersampling not in (1.0, 2.0, 3.0, 4.0):
         raise InputError(f"'{path}' claims {supersampling:g} samples a pixel each way; 1 to 4 can be.")
@@ -308,9 +323,9 @@ def _pixel_filter(header: dict[str, Any], path: Path) -> PixelFilter | None:
     if text is None:
         return None
     try:
-        stored = json.loads(text)
+        stored = schemas.parse(text, schemas.FILTER)
         return PixelFilter(float(stored["pixel_variance"]), float(stored["sample_variance"]))
-    except (TypeError, ValueError, KeyError, SettingsError) as error:
+    except (TypeError, ValueError) as error:
         raise InputError(f"The pixel filter in '{path}' cannot be read; render the samples again.") from error
 
 
@@ -674,6 +689,7 @@ def _read_headers(path: Path) -> Any:
     """Return an OpenEXR.File without pixels, of a kind that can be processed."""
     if not path.is_file():
         raise InputError(f"'{path}' does not exist; give the path of a samples file.")
+    check_claims(path)
     try:
         with utf8_path(path) as name, _quiet():
             headers = OpenEXR.File(name, header_only=True)
@@ -712,7 +728,7 @@ def _views(parts: Sequence[Any]) -> tuple[str, ...]:
 
 
 def _refuse_unsupported(path: Path, header: Mapping[str, Any]) -> None:
-    """Raise for the kinds of file that hold no one sample a pixel, or more than memory."""
+    """Raise for the kinds of file that hold no one sample a pixel."""
     kind = header.get("type")
     if kind in (OpenEXR.deepscanline, OpenEXR.deeptile):
         raise InputError(f"'{path}' is a deep image; flatten it to one sample a pixel first.")
@@ -724,12 +740,6 @@ def _refuse_unsupported(path: Path, header: Mapping[str, Any]) -> None:
         if {"RY", "BY"} & {channel.name.split(".")[-1] for channel in channels}:
             raise InputError(f"'{path}' is a luminance-chroma image; convert it to R, G, B channels.")
         raise InputError(f"'{path}' has subsampled channels; save them at full size.")
-    window = _window(header["dataWindow"])
-    if window.columns < 1 or window.rows < 1 or window.columns * window.rows > MAX_PIXELS:
-        raise InputError(
-            f"'{path}' claims {window.columns} x {window.rows} pixels; "
-            f"at least one and at most {MAX_PIXELS} can be processed."
-        )
 
 
 def _layer_channels(raw: RawFile, *, light: bool = False) -> dict[str, dict[tuple[str, int], Channel]]:
@@ -771,9 +781,8 @@ def _choose_layers(
     if wanted is not None:
         for name in wanted:
             if name not in sets:
-                raise InputError(
-                    f"'{path}' has no layer '{name}'; it has {', '.join(repr(n) for n in sets)}."
-                )
+                listed = ", ".join(map(repr, list(sets)[:_LISTED])) + ", ..." * (len(sets) > _LISTED)
+                raise InputError(f"'{path}' has no layer '{name}'; it has {listed}.")
         return wanted
     # Other stereo views are pictures of their own, and a composite has no depth.
     if "" in sets:
@@ -809,10 +818,10 @@ def _layers_behind(
             channels = sets.get(other, {})
             if ("depth", 0) not in channels:
                 lacks = "lacks colour or depth" if number in numbers[name] else "is missing"
-                raise InputError(f"Layer '{other}' of '{path}' {lacks}; render the samples again.")
+                raise InputError(f"Layer {other!r} of '{path}' {lacks}; render the samples again.")
             if {channel.window for channel in channels.values()} != {data_window}:
                 raise InputError(
-                    f"Layer '{other}' of '{path}' has another data window than '{name}'; write them with one."
+                    f"Layer {other!r} of '{path}' has another data window than {name!r}; write them with one."
                 )
             found[name].append(other)
     return found
@@ -944,7 +953,8 @@ def _repair_depth(depth: Float32Array) -> int:
     broken = np.isnan(depth)
     if not broken.any():
         return 0
-    inverse = np.divide(1.0, depth, dtype=np.float32)
+    with np.errstate(all="ignore"):
+        inverse = np.divide(1.0, depth, dtype=np.float32)
     count = repair(inverse, broken)
     with np.errstate(divide="ignore"):
         depth[broken] = 1.0 / inverse[broken]
@@ -976,10 +986,9 @@ def _shutter(header: Mapping[str, Any]) -> ShutterAttributes:
     attributes = ShutterAttributes()
     text = header.get("potmesil:shutter")
     if isinstance(text, str):
-        with contextlib.suppress(
-            SettingsError, TypeError, ValueError, KeyError, AttributeError, OverflowError, RecursionError
-        ):
-            attributes = attributes_from_json(json.loads(text))
+        # A SettingsError is a ValueError too.
+        with contextlib.suppress(ValueError, OverflowError):
+            attributes = attributes_from_json(schemas.parse(text, schemas.SHUTTER))
     return replace(
         attributes,
         exposure_time=_number(header, "expTime"),
@@ -1000,10 +1009,12 @@ def _paths(header: Mapping[str, Any]) -> MotionPaths | None:
 
 def _film(header: Mapping[str, Any], display: Window) -> Film | None:
     size = _array(header, "sensorOverallDimensions", (2,))
-    if size is None or not (size > 0.0).all():
+    if size is None or not ((size >= _LEAST) & (size <= _MOST)).all():
         return None
     width, height = (float(x) / 1000.0 for x in size)
-    return Film(width, height, display.columns, display.rows)
+    film = Film(width, height, display.columns, display.rows)
+    least, most = _PLAUSIBLE["pixelAspectRatio"]
+    return film if least <= film.pitch_x / film.pitch_y <= most else None
 
 
 def _camera(header: Mapping[str, Any], film: Film | None) -> Camera | None:
@@ -1031,15 +1042,15 @@ def _camera(header: Mapping[str, Any], film: Film | None) -> Camera | None:
 
 
 def _number(header: Mapping[str, Any], name: str, *, infinite: bool = False) -> float | None:
-    """Return an attribute as a positive finite number (angles may have any sign), or None."""
+    """Return an attribute as a finite number that is plausible for it, or None."""
     value = header.get(name)
     if not isinstance(value, int | float | Fraction) or isinstance(value, bool):
         return None
     number = float(value)
     if math.isnan(number) or (math.isinf(number) and not infinite):
         return None
-    signed = name in ("potmesil:apertureRotation", "potmesil:apertureBlades")
-    return number if signed or number > 0.0 else None
+    least, most = _PLAUSIBLE.get(name, (_LEAST, _MOST))
+    return number if least <= number <= most or (math.isinf(number) and number > 0.0) else None
 
 
 def _for_row_vectors(matrix: FloatArray) -> Float32Array:
@@ -1063,26 +1074,38 @@ def _window(box: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]) -> Window:
 
 
 def _first_line(error: BaseException) -> str:
-    text = str(error).strip().splitlines()
-    return text[0].split(" when attempting to open")[0].split(" '")[0] if text else type(error).__name__
+    lines = str(error).strip().splitlines()
+    text = lines[0].split(" when attempting to open")[0].split(" '")[0] if lines else type(error).__name__
+    # It may quote the file.
+    return "".join(character if character.isprintable() else "?" for character in text[:200])
 
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep the library's own messages off the terminal; what is wrong it also raises."""
-    sys.stderr.flush()
-    try:
-        saved = os.dup(2)
-    except OSError:  # no standard error at all, as under pythonw
-        saved = -1
+    """Keep the library's own messages off the terminal and out of pipes; what is wrong it also raises."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(AttributeError, OSError, ValueError):  # none, broken or closed
+            stream.flush()
+    saved = {}
+    for descriptor in (1, 2):
+        # A windowed program has none, as under pythonw.
+        with contextlib.suppress(OSError):
+            saved[descriptor] = os.dup(descriptor)
     null = os.open(os.devnull, os.O_WRONLY)
     try:
-        if saved >= 0:
-            os.dup2(null, 2)
+        for descriptor in saved:
+            os.dup2(null, descriptor)
         with contextlib.redirect_stdout(io.StringIO()):
             yield
     finally:
-        if saved >= 0:
-            os.dup2(saved, 2)
-            os.close(saved)
+        # The decoder of HTJ2K prints through C's own buffer.
+        _flush_c()
+        for descriptor, copy in saved.items():
+            os.dup2(copy, descriptor)
+            os.close(copy)
         os.close(null)
+
+
+def _flush_c() -> None:
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None).fflush(None)

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from . import schemas
 from .errors import InputError
 from .lens import FloatArray
 
@@ -42,12 +43,7 @@ def lamps_from_json(text: str) -> tuple[Lamp, ...]:
         If the text is not of that form.
     """
     try:
-        values = json.loads(text)
-        if values["version"] != VERSION:
-            raise ValueError("another version")
-        places = np.array(values["places"], dtype=np.float64).reshape(-1, 4)
-        if not np.isfinite(places).all():
-            raise ValueError("not finite")
-    except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
+        values = schemas.parse(text, schemas.LAMPS)
+    except schemas.JsonError as error:
         raise InputError("The file's lamps are damaged; export it again.") from error
-    return tuple(Lamp(place) for place in places)
+    return tuple(Lamp(np.array(place, dtype=np.float64)) for place in values["places"])

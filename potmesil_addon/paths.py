@@ -14,10 +14,17 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from . import schemas
 from .errors import InputError
 from .lens import FloatArray
 
 VERSION: Final = 1
+
+_SHORTEST: Final = 1e-6
+"""Frames between two times at least; export has 1/64."""
+
+_LARGEST_INVERSE: Final = 1e30
+"""Numbers of inverse matrices from here on are those of a damaged one, and products of them may overflow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,38 +155,34 @@ class MotionPaths:
             If the text is not of that form.
         """
         try:
-            values = json.loads(text)
-            if values["version"] != VERSION:
+            values = schemas.parse(text)
+            version = values["version"]
+            if isinstance(version, int) and version != VERSION:
                 raise InputError(
-                    f"The file's motion paths are of version {values['version']}, which this release cannot "
+                    f"The file's motion paths are of version {version}, which this release cannot "
                     "read; export it again."
                 )
+            schemas.check(values, schemas.MOTION)
             camera = CameraPath(*_track_from_json(values["camera"]))
             objects = tuple(
                 ObjectPath(
-                    name=str(entry["name"]),
+                    name=entry["name"],
                     object_index=int(entry["index"]),
                     times=times,
                     matrices=matrices,
                     box=_array(entry["box"], (2, 3)),
-                    deforming=bool(entry["deforming"]),
+                    deforming=entry["deforming"],
                 )
                 for entry in values["objects"]
                 for times, matrices in [_track_from_json(entry)]
             )
             paths = cls(camera, objects)
-            for path in objects:
-                np.linalg.inv(path.at(0.0))
-            np.linalg.inv(camera.at(0.0))
-        except (
-            ValueError,
-            TypeError,
-            KeyError,
-            AttributeError,
-            OverflowError,
-            RecursionError,
-            np.linalg.LinAlgError,
-        ) as error:
+            for matrix in (camera.at(0.0), *(path.at(0.0) for path in objects)):
+                with np.errstate(all="ignore"):
+                    inverse = np.linalg.inv(matrix)
+                if not (np.abs(inverse) < _LARGEST_INVERSE).all():
+                    raise ValueError("a matrix cannot be inverted")
+        except (ValueError, TypeError, KeyError, OverflowError, np.linalg.LinAlgError) as error:
             raise InputError("The file's motion paths are damaged; export it again.") from error
         return paths
 
@@ -252,7 +255,7 @@ def _track_to_json(times: FloatArray, matrices: FloatArray) -> dict[str, Any]:
 def _track_from_json(values: dict[str, Any]) -> tuple[FloatArray, FloatArray]:
     times = _array(values["times"], (len(values["times"]),))
     matrices = _array(values["matrices"], (times.size, 12)).reshape(-1, 3, 4)
-    if times.size == 0 or (np.diff(times) <= 0.0).any():
+    if times.size == 0 or (np.diff(times) < _SHORTEST).any():
         raise ValueError("times must increase")
     return times, matrices
 

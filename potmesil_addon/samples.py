@@ -413,21 +413,23 @@ def repair(values: Float32Array, broken: npt.NDArray[np.bool_]) -> int:
     values[broken] = 0.0
     if count == broken.size:
         return count
-    left = np.argwhere(broken)
     sound = ~broken
     around = np.array([(j, i) for j in (-1, 0, 1) for i in (-1, 0, 1) if (j, i) != (0, 0)])
+    # Each pass looks only at what touches the one before: a hole may be most of the picture.
+    border = np.zeros((rows + 2, columns + 2), dtype=bool)
+    for j, i in around:
+        border[1 + j : 1 + j + rows, 1 + i : 1 + i + columns] |= sound
+    left = np.argwhere(broken & border[1:-1, 1:-1])
     while left.size:
         near = left[:, np.newaxis] + around
         inside = ((near >= 0) & (near < [rows, columns])).all(axis=2)
         j, i = np.clip(near[..., 0], 0, rows - 1), np.clip(near[..., 1], 0, columns - 1)
         usable = inside & sound[j, i]
-        number = usable.sum(axis=1)
-        ready = number > 0
-        taken = values[j[ready], i[ready]].astype(np.float64)
-        mask = usable[ready].reshape(usable[ready].shape + (1,) * (taken.ndim - 2))
-        mean = (taken * mask).sum(axis=1) / number[ready].reshape((-1,) + (1,) * (taken.ndim - 2))
-        done = left[ready]
-        values[done[:, 0], done[:, 1]] = mean
-        sound[done[:, 0], done[:, 1]] = True
-        left = left[~ready]
+        mask = usable.reshape(usable.shape + (1,) * (values.ndim - 2))
+        total = np.where(mask, values[j, i].astype(np.float64), 0.0).sum(axis=1)
+        number = usable.sum(axis=1).reshape((-1,) + (1,) * (values.ndim - 2))
+        values[left[:, 0], left[:, 1]] = total / number
+        sound[left[:, 0], left[:, 1]] = True
+        following = np.unique((j * columns + i)[inside & ~sound[j, i]])
+        left = np.stack(np.divmod(following, columns), axis=1)
     return count

@@ -8,7 +8,6 @@ row or column of pixels has its own times.
 
 from __future__ import annotations
 
-import json
 import math
 import operator
 import re
@@ -18,6 +17,7 @@ from typing import Any, Final, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
+from . import schemas
 from .errors import SettingsError
 from .lens import FloatArray
 
@@ -500,11 +500,12 @@ def parse_curve(text: str) -> Curve:
         If the text is no such list.
     """
     try:
-        curve = tuple((float(time), float(openness)) for time, openness in json.loads(text))
-    except (ValueError, TypeError, OverflowError, RecursionError):
+        values = schemas.parse(text, schemas.CURVE)
+    except schemas.JsonError:
         raise SettingsError(
             "A shutter curve is a JSON list of [time, openness] pairs such as [[0, 0], [0.5, 1], [1, 0]]."
         ) from None
+    curve = tuple((float(time), float(openness)) for time, openness in values)
     _check_curve(curve)
     return curve
 

@@ -1172,3 +1172,26 @@ def test_film_of_a_file_covers_its_display_window(tmp_path: Path) -> None:
     assert isinstance(film, Film)
     assert (film.columns, film.rows) == (10, 6)
     assert film.width == pytest.approx(36 * MM, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("potmesil:apertureBlades", 2**31 - 1),
+        ("potmesil:apertureBlades", -5),
+        ("potmesil:apertureRatio", 1e-30),
+        ("potmesil:apertureRotation", 3e38),
+        ("aperture", 1e-30),
+        ("nominalFocalLength", 1e30),
+        ("focus", 1e-30),
+        ("expTime", 1e30),
+        ("sensorOverallDimensions", np.array([1e38, 1e-38], dtype=np.float32)),
+        ("sensorOverallDimensions", np.array([36.0, 1e-3], dtype=np.float32)),
+    ],
+)
+def test_numbers_beyond_any_camera_count_as_not_said(tmp_path: Path, name: str, value: Any) -> None:
+    """Some of them took all memory, or broke it, in processing."""
+    samples = exr.read_samples(write_exr(tmp_path / "a.exr", plain_channels(4, 5), **{name: value}))
+    assert samples.lens == LensAttributes()
+    assert samples.film is None
+    assert samples.shutter.exposure_time is None

@@ -267,6 +267,9 @@ def test_a_curve_is_read() -> None:
         "[1, 2]",
         "[[0, 0, 1]]",
         "[[0, null], [1, 1]]",
+        "[[0, 1], [NaN, 1]]",
+        "[[0, 1], [Infinity, 1]]",
+        "[[0, 1], [1e999, 1]]",
         "[[0, 1], [1" + "0" * 400 + ", 1]]",
         "[" * 100_000,
     ],
@@ -276,9 +279,7 @@ def test_text_that_is_no_curve(text: str) -> None:
         parse_curve(text)
 
 
-@pytest.mark.parametrize(
-    "text", ["[[0, 1]]", "[[1, 1], [0, 1]]", "[[0, 1], [NaN, 1]]", "[[0, 1], [Infinity, 1]]"]
-)
+@pytest.mark.parametrize("text", ["[[0, 1]]", "[[1, 1], [0, 1]]"])
 def test_curves_that_cannot_be(text: str) -> None:
     with pytest.raises(SettingsError, match="two or more points in order"):
         parse_curve(text)
