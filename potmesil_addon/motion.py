@@ -448,7 +448,7 @@ def report_of(motion: Motion, layer: SampleLayer, instants: int, guessed: Float3
 
 def instants_for(length: float) -> int:
     """Return how many instants a path of a length in pixels needs: one for each of its pixels."""
-    return min(max(math.ceil(length), _LEAST_INSTANTS), _MOST_INSTANTS)
+    return max(math.ceil(min(_MOST_INSTANTS, length)), _LEAST_INSTANTS)
 
 
 def _by_object(motion: Motion) -> tuple[list[MovingObject], bool, Motion]:

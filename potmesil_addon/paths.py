@@ -177,7 +177,9 @@ class MotionPaths:
                 for times, matrices in [_track_from_json(entry)]
             )
             paths = cls(camera, objects)
-            for matrix in (camera.at(0.0), *(path.at(0.0) for path in objects)):
+            own = [path.at(0.0) for path in objects]
+            # Processing inverts each, and the way from an object to pixels.
+            for matrix in (camera.at(0.0), *own, *(camera.at(0.0) @ to_world for to_world in own)):
                 with np.errstate(all="ignore"):
                     inverse = np.linalg.inv(matrix)
                 if not (np.abs(inverse) < _LARGEST_INVERSE).all():

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from potmesil_addon import schemas
 from potmesil_addon.errors import InputError, SettingsError
 from potmesil_addon.lamps import Lamp, lamps_from_json, lamps_to_json
+from potmesil_addon.motion import instants_for
 from potmesil_addon.paths import CameraPath, MotionPaths, ObjectPath
 from potmesil_addon.schemas import JsonError, parse
 from potmesil_addon.shutter import (
@@ -175,11 +176,28 @@ def test_any_json_is_read_or_announced(value: Any, data: Any) -> None:
                 continue
 
 
-def test_what_cannot_be_inverted_is_damaged() -> None:
+@pytest.mark.parametrize(
+    ("camera", "thing"),
+    [
+        ([1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0, 0], [1e-40, 0, 0, 0, 0, 1e-40, 0, 0, 0, 0, 1e-40, 0]),
+        # Each can be inverted, their product not in floating point; processing ended in a traceback.
+        (
+            [24.0, 0, -1e15, 0, 100.0, 24.0, 12.0, 0, 0, 0, 1.0, 0],
+            [1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 1e15, 1.0, 0],
+        ),
+    ],
+)
+def test_what_cannot_be_inverted_is_damaged(camera: list[float], thing: list[float]) -> None:
     values = copy.deepcopy(GOOD["potmesil:motion"])
-    values["objects"][0]["matrices"] = [[1e-40 if n in (0, 5, 10) else 0.0 for n in range(12)]] * 3
+    values["camera"]["matrices"] = [camera]
+    values["objects"][0]["matrices"] = [thing] * 3
     with pytest.raises(InputError, match="damaged"):
         MotionPaths.from_json(json.dumps(values))
+
+
+@pytest.mark.parametrize("length", [math.inf, math.nan, 1e300])
+def test_ways_of_no_length_have_the_most_instants(length: float) -> None:
+    assert instants_for(length) == instants_for(1e6)
 
 
 def test_numbers_are_finite_all_the_way() -> None:
