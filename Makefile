@@ -87,6 +87,9 @@ test-all:  ## run the tests under every supported Blender
 # is up to the core too: 5.0 and 5.2 render them.
 FIGURE_TESTS := $(wildcard tests/blender/test_*_figures.py) tests/blender/test_night_street.py tests/blender/test_still_life.py
 
+# What hardly differs between Blenders and takes its time.
+LONG_TESTS := $(addprefix tests/blender/,test_memory.py test_writing.py test_release_zip.py)
+
 # Two at a time: much of a run is compiling, which takes one core. Those without the core's tests have one worker.
 test-others:  ## the same, leaving out the Blender that "make test" uses
 	@$(MAKE) --no-print-directory --keep-going --jobs=2 --output-sync=target \
@@ -95,7 +98,9 @@ test-others:  ## the same, leaving out the Blender that "make test" uses
 test-under-%:
 	@echo "== Blender $*"; \
 	if ! reason=$$(tools/find_python $(PYTHON_OF_$*) 2>&1 >/dev/null); then echo "skipped: $$reason"; exit; fi; \
-	case $* in 4.5|5.1) set -- TESTS="tests/blender $(addprefix --ignore=,$(FIGURE_TESTS))" WORKERS=1 ;; esac; \
+	case $* in \
+		4.5|5.1) set -- TESTS="tests/blender $(addprefix --ignore=,$(FIGURE_TESTS) $(LONG_TESTS))" WORKERS=1 ;; \
+		*) set -- TESTS="tests --ignore=tests/core/test_writing.py" ;; esac; \
 	$(MAKE) --no-print-directory test BLENDER_VERSION=$* "$$@" || \
 	{ echo "Tests failed under Blender $*." >&2; exit 1; }
 

@@ -14,6 +14,7 @@ import os
 import signal
 import socket
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -434,6 +435,7 @@ def run_batch(
     OutputError
         If the report cannot be written.
     """
+    _stand_somewhere()
     lines = Lines(options.styles)
     outcomes = [_Outcome(frame) for frame in frames]
     started = time.monotonic()
@@ -460,6 +462,14 @@ def run_batch(
     if options.report is not None:
         _write_report(options.report, outcomes, status, time.monotonic() - started)
     return status
+
+
+def _stand_somewhere() -> None:
+    """Leave a folder that was removed: numba asks where it is while it compiles."""
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        os.chdir(tempfile.gettempdir())
 
 
 def _run_frame(

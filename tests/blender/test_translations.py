@@ -21,8 +21,8 @@ BLENDER_SIDE = sorted(path for folder in ("ui", "operators") for path in (ROOT /
 CORE = sorted((ROOT / "potmesil_addon").glob("*.py"))
 
 COMMAND_LINE = (
-    "operators/command.py",
-    *(f"potmesil_addon/{name}.py" for name in ("cli", "frames", "keys", "png")),
+    *(f"operators/{name}.py" for name in ("command", "movie", "scene_batch")),
+    *(f"potmesil_addon/{name}.py" for name in ("batch", "cli", "frames", "keys", "pictures", "png")),
 )
 """Modules whose texts are for the command line, which speaks English."""
 

@@ -27,7 +27,7 @@ from potmesil_addon.reports import write_json
 from .helpers import ROOT, importable, plain_channels, write_exr
 
 HERE = Path(__file__).resolve().parent
-KILLS = int(os.environ.get("POTMESIL_KILLS", "100"))
+KILLS = int(os.environ.get("POTMESIL_KILLS", "50"))
 """Of each kind; a long run asks for more."""
 
 LENS = ("--focal-length", "50", "--fstop", "2", "--focus-distance", "3", "--sensor-width", "36")
