@@ -65,7 +65,8 @@ class Series:
         moments = random.Random(seed)
         names = {name for name, _ in self.whole}
         assert names
-        assert len(self.whole) >= VERSIONS * len(names)
+        # A mask may be black in all versions.
+        assert len(self.whole) > len(names)
         seen = {"kills": 0, "parts": 0, "old": 0, "new": 0, "missing": 0}
         for number in itertools.count():
             if seen["kills"] == kills:
@@ -152,7 +153,7 @@ def process(folder: Path) -> Series:
         lens = ["--focal-length", "50", "--focus-distance", "1", "--fstop", str(2.0 + version)]
         fixed = ["--sensor-width", "36", "--existing", "overwrite", "--threads", "1", "--progress", "none"]
         return cli.main(
-            ["process", str(folder / "in.####.exr"), "--existing=overwrite", *words, *lens, *fixed]
+            ["process", str(folder / "in.####.exr"), *words, *lens, *fixed]
         )
 
     # Kernels are loaded here and not in each writer.
