@@ -152,9 +152,7 @@ def process(folder: Path) -> Series:
         words = [word for name, value in options.items() for word in (name, str(out / value))]
         lens = ["--focal-length", "50", "--focus-distance", "1", "--fstop", str(2.0 + version)]
         fixed = ["--sensor-width", "36", "--existing", "overwrite", "--threads", "1", "--progress", "none"]
-        return cli.main(
-            ["process", str(folder / "in.####.exr"), *words, *lens, *fixed]
-        )
+        return cli.main(["process", str(folder / "in.####.exr"), *words, *lens, *fixed])
 
     # Kernels are loaded here and not in each writer.
     with contextlib.redirect_stdout(io.StringIO()):
