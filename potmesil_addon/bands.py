@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from . import jit
 from .errors import MemoryLimitError
+from .memory import resident
 from .scatter import BAND_ROWS, uses_numba
 
 if TYPE_CHECKING:
     from .focus import FocusSettings
-
-_STATUS: Final = Path("/proc/self/statm")
 
 _LEAST_ROWS: Final = 16
 """Rows below which no band is worth it."""
@@ -76,31 +72,6 @@ class Need:
     def fits(self, rows: int, limit: int) -> bool:
         """Return whether a picture can be made at once."""
         return self.whole(rows) <= limit - resident()
-
-
-def resident() -> int:
-    """Return the bytes of memory that the process holds."""
-    if _STATUS.exists():
-        return int(_STATUS.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    if sys.platform == "win32":
-        return _resident_on_windows()
-    import resource  # noqa: PLC0415 - not on Windows
-
-    # The most that it has held; nothing in the standard library says what it holds now.
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return most if sys.platform == "darwin" else most * 1024
-
-
-def _resident_on_windows() -> int:
-    import ctypes  # noqa: PLC0415 - only here
-
-    counters = (ctypes.c_size_t * 10)(10 * ctypes.sizeof(ctypes.c_size_t))
-    kernel = getattr(ctypes, "windll").kernel32  # noqa: B009 - there on Windows alone
-    kernel.GetCurrentProcess.restype = ctypes.c_void_p
-    kernel.K32GetProcessMemoryInfo.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32]
-    kernel.K32GetProcessMemoryInfo(kernel.GetCurrentProcess(), counters, ctypes.sizeof(counters))
-    # After the structure's size and the number of page faults, 4 bytes each, and the peak.
-    return int(counters[2])
 
 
 def need_of_lens(settings: FocusSettings, *, sheets: int, columns: int) -> Need:

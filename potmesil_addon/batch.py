@@ -22,7 +22,7 @@ from pathlib import Path
 from types import FrameType
 from typing import IO, Any, Final, Literal, Protocol, get_args
 
-from . import __version__
+from . import __version__, memory
 from .errors import (
     EXIT_DONE,
     EXIT_INPUT,
@@ -559,7 +559,7 @@ def _write_report(path: Path, outcomes: Sequence[_Outcome], status: int, seconds
             "exit_status": status,
             "host": socket.gethostname(),
             "seconds": seconds,
-            "peak_memory_bytes": peak_memory(),
+            "peak_memory_bytes": memory.peak(),
             **counted,
             "frames": [asdict(item) for item in outcomes],
         },
@@ -569,21 +569,10 @@ def _write_report(path: Path, outcomes: Sequence[_Outcome], status: int, seconds
 _STATUSES: Final = ("made", "skipped", "kept", "failed", "not_reached")
 
 
-def peak_memory() -> int | None:
-    """Return the most memory that the process has held, in bytes; None where the system does not say."""
-    try:
-        import resource  # noqa: PLC0415 - not on Windows
-    except ImportError:
-        return None
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    # Kilobytes but on a Mac.
-    return most if sys.platform == "darwin" else most * 1024
-
-
 def _refuse_memory(options: BatchOptions) -> None:
     """Raise MemoryLimitError where the process has taken more than it may."""
-    most = peak_memory()
-    if options.max_memory is not None and most is not None and most > options.max_memory:
+    most = memory.peak()
+    if options.max_memory is not None and most > options.max_memory:
         raise MemoryLimitError(
             f"The process took {most / _GIBIBYTE:.2f} GiB of the {options.max_memory / _GIBIBYTE:.2f} GiB "
             "that --max-memory allows; give it more, or render smaller frames."

@@ -267,13 +267,13 @@ def test_command_takes_the_panels_shutter_and_options_win(
     own = bpy.context.scene.potmesil_camera
     own.shutter_kind, own.slit_edge, own.slit_width = "focal_plane", "left", 0.25
     out = tmp_path / "panel.exr"
-    assert main(["render", "--output", str(out)]) == 0
+    assert main(["render", "--frames", "3", "--output", str(out)]) == 0
     shutter = json.loads(header_of(out)["potmesil:shutter"])
     assert shutter["frames"] == pytest.approx(0.5)
     assert shutter["slit"] == {"edge": "left", "width": 0.25}
     out = tmp_path / "options.exr"
     options = ["--shutter", "2", "--slit", "none", "--exposures", "2x0.25@0.5", "--shutter-position", "start"]
-    assert main(["render", "--output", str(out), *options]) == 0
+    assert main(["render", "--frames", "3", "--output", str(out), *options]) == 0
     header = header_of(out)
     shutter = json.loads(header["potmesil:shutter"])
     assert shutter["frames"] == 2.0
@@ -288,10 +288,10 @@ def test_command_leaves_out_motion_where_the_panel_does(
 ) -> None:
     main = module("operators.command").main
     bpy.context.scene.potmesil_camera.use_motion = False
-    assert main(["render", "--output", str(tmp_path / "panel.exr")]) == 0
+    assert main(["render", "--frames", "3", "--output", str(tmp_path / "panel.exr")]) == 0
     assert "potmesil:shutter" not in header_of(tmp_path / "panel.exr")
     bpy.context.scene.potmesil_camera.use_motion = True
-    assert main(["render", "--output", str(tmp_path / "option.exr"), "--no-motion"]) == 0
+    assert main(["render", "--frames", "3", "--output", str(tmp_path / "option.exr"), "--no-motion"]) == 0
     assert "potmesil:shutter" not in header_of(tmp_path / "option.exr")
 
 

@@ -130,11 +130,11 @@ def test_each_scene_of_a_file_has_its_own_samples(scene: Any, module: Any, tmp_p
     blend = tmp_path / "two.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     command = module("operators.command").main
-    for name, columns, rate in (("Scene", 96, 4.0), ("Other", 48, 1.0)):
+    for name, frame, columns, rate in (("Scene", 1, 96, 4.0), ("Other", 4, 48, 1.0)):
         bpy.ops.wm.open_mainfile(filepath=str(blend))
         out, stored = tmp_path / f"{name}.exr", tmp_path / f"{name}_samples.exr"
-        words = ["--scene", name, "--output", str(out), "--samples", str(stored), "--no-lens"]
-        assert command(["render", *words]) == 0
+        words = ["--scene", name, "--frames", str(frame), "--output", str(out), "--samples", str(stored)]
+        assert command(["render", *words, "--no-lens"]) == 0
         samples = module("potmesil_addon.exr").read_samples(stored)
         assert samples.display_window.columns == columns
         (path,) = samples.paths.objects
