@@ -31,7 +31,7 @@ FUZZ_SECONDS ?= 120
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup system-packages demo test test-all test-others test-gui benchmark bench-fidelity \
+.PHONY: help setup system-packages demo test test-all test-others test-farm test-gui benchmark bench-fidelity \
 	bench-reflections bench-flicker bench-speed test-slurm fuzz figures scenes extension release lint format docs \
 	clean
 
@@ -107,6 +107,16 @@ test-under-%:
 test-gui: $(ENV)/.stamp  ## run the tests that need a window: make test-gui BLENDER=/path/to/blender
 	@if [ -z "$$BLENDER" ]; then echo "Name a Blender with a window: make test-gui BLENDER=/path/to/blender" >&2; exit 1; fi
 	$(PY) -m pytest tests/gui $(PYTEST_ARGS)
+
+.venv/farm/.stamp: requirements/farm.txt
+	@python=$$(tools/find_python $(PYTHON_OF_$(DEFAULT_VERSION))) && \
+	echo "Making the environment of the farm's tests" && \
+	"$$python" -m venv .venv/farm && \
+	.venv/farm/bin/python -m pip install -qq --disable-pip-version-check -r $< && \
+	touch $@
+
+test-farm: $(ENV)/.stamp .venv/farm/.stamp  ## run the jobs of farm engines: OpenJD for real, the others' descriptions
+	$(PY) -m pytest tests/farm --ignore=tests/farm/slurm $(PYTEST_ARGS)
 
 test-slurm: $(ENV)/.stamp  ## run an animation on a real Slurm cluster in namespaces of this machine, as root
 	POTMESIL_SLURM=1 $(PY) -m pytest tests/farm/slurm $(PYTEST_ARGS)
