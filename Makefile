@@ -118,7 +118,7 @@ test-gui: $(ENV)/.stamp  ## run the tests that need a window: make test-gui BLEN
 test-farm: $(ENV)/.stamp .venv/farm/.stamp  ## run the jobs of farm engines: OpenJD for real, the others' descriptions
 	$(PY) -m pytest tests/farm --ignore=tests/farm/slurm $(PYTEST_ARGS)
 
-test-slurm: $(ENV)/.stamp  ## run an animation on a real Slurm cluster in namespaces of this machine, as root
+test-slurm: $(ENV)/.stamp .venv/farm/.stamp  ## run an animation on a real Slurm cluster in namespaces of this machine, as root
 	POTMESIL_SLURM=1 $(PY) -m pytest tests/farm/slurm $(PYTEST_ARGS)
 
 # The benchmarks run under Blender 5.2; what only they need stays out of its environment.

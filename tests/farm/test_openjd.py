@@ -196,7 +196,7 @@ def test_zip_is_installed_into_the_sessions_folder(stub: Shot, tmp_path: Path) -
     assert not Path(resources).exists()
 
 
-# With Blender ------------------------------------------------------------------------------------------------
+# With Blender
 
 
 @pytest.fixture(scope="module")
@@ -212,7 +212,7 @@ def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def real(blend: Path, tmp_path: Path) -> Shot:
-    # as_blender.py runs under the first python3 of the path. The kernels take longer to compile than the frames.
+    # as_blender.py runs under the first python3 of the path. Kernels take longer to compile than frames.
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     resources = tmp_path / "user"
     resources.mkdir()

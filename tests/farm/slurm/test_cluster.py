@@ -23,6 +23,9 @@ OpenEXR = pytest.importorskip("OpenEXR")
 
 ROOT = Path(__file__).resolve().parents[3]
 SUBMIT = ROOT / "farm" / "slurm" / "submit.py"
+CHUNKS = ROOT / "farm" / "openjd" / "chunks.py"
+TEMPLATE = ROOT / "farm" / "openjd" / "template.yaml"
+FARM_PYTHON = ROOT / ".venv" / "farm" / "bin" / "python"
 FRAMES = 24
 PROCESS = [sys.executable, "-m", "potmesil_addon", "process"]
 WITHOUT_NUMBA = Path(__file__).parent / "without_numba"
@@ -97,8 +100,11 @@ def names(folder: Path) -> list[str]:
 
 
 def write_chunks(folder: Path, size: int) -> Path:
+    """Write the chunks of the OpenJD template."""
     path = folder / f"chunks of {size}.txt"
-    path.write_text("".join(f"{first}-{first + size - 1}\n" for first in range(1, FRAMES + 1, size)))
+    words = [str(TEMPLATE), "Process", f"Frames=1-{FRAMES}", f"ChunkSize={size}"]
+    with path.open("w") as file:
+        subprocess.run([str(FARM_PYTHON), str(CHUNKS), *words], stdout=file, check=True)
     return path
 
 
