@@ -15,8 +15,8 @@ from typing import Any
 
 import bpy
 
+from ..potmesil_addon import beside
 from ..potmesil_addon.errors import InputError
-from . import beside
 
 _EXTENSION = __package__.rpartition(".")[0]
 

@@ -23,9 +23,9 @@ from bpy.app.translations import pgettext_iface as iface_
 from bpy.app.translations import pgettext_n as n_
 from bpy.app.translations import pgettext_rpt as rpt_
 
+from ..potmesil_addon import beside
 from ..potmesil_addon.effects import KINDS
 from ..potmesil_addon.errors import InputError, PotmesilError
-from . import beside
 from .animation import curves_of
 from .export import samples_path
 from .kernels import cache_folder

@@ -10,7 +10,6 @@ import argparse
 import contextlib
 import json
 import math
-import os
 import subprocess
 import sys
 from collections.abc import Callable, Generator, Sequence
@@ -20,7 +19,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from . import __version__, exr, jit, png
+from . import __version__, beside, exr, jit, png
 from .batch import Mark, Standing, add_batch_options, batch_options, run_batch, thread_count
 from .camera import Film, pan_tilt_swing
 from .diffraction import lommel_intensity, optical_defocus, optical_radius
@@ -769,23 +768,16 @@ _BESIDE: Final[list[str]] = []
 
 def _compile_beside(source: Path, settings: ProcessSettings) -> None:
     """Have a second process compile kernels too, should any of a picture's have to be."""
-    root = str(Path(__file__).absolute().parents[1])
-    path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
-    command = [sys.executable, "-P", "-m", f"{__package__}.warm", str(source.absolute())]
 
     def start(kernel: str) -> None:
         if _BESIDE:
             return
         _BESIDE.append(kernel)
+        words = [str(source.absolute()), json.dumps(settings_to_json(settings))]
+        kept = jit.cache_directory()
         # Alone it takes longer, and comes to the same.
-        with contextlib.suppress(OSError):
-            subprocess.Popen(
-                [*command, json.dumps(settings_to_json(settings))],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": path},
-            )
+        with contextlib.suppress(OSError, InputError):
+            beside.start("warm", words if kept is None else [*words, str(kept)], subprocess.DEVNULL)
 
     jit.on_compile(start)
 

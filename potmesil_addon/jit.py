@@ -189,6 +189,12 @@ def set_cache_directory(directory: Path) -> None:
         numba.config.CACHE_DIR = str(Path(chosen) / (__package__ or ""))
 
 
+def cache_directory() -> Path | None:
+    """Return the folder that `set_cache_directory` was given; None where it was not."""
+    chosen = Path(numba.config.CACHE_DIR) if HAVE_NUMBA and numba.config.CACHE_DIR else None
+    return chosen.parent if chosen is not None and chosen.name == __package__ else None
+
+
 def on_compile(tell: Callable[[str], None]) -> None:
     """Have a function called with a kernel's name each time that one is compiled and not read from disk.
 

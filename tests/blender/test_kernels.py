@@ -17,7 +17,7 @@ def test_the_second_process_compiles_what_a_picture_needs(
     # The papers' plain sum needs few kernels.
     scene.potmesil_camera.visibility = "none"
     assert bpy.ops.potmesil.render() == {"FINISHED"}
-    kernels, beside = module("operators.kernels"), module("operators.beside")
+    kernels, beside = module("operators.kernels"), module("potmesil_addon.beside")
     # A folder without kernels, of which nothing has been read into this process. The tests of the core may
     # have named one for all.
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
@@ -41,7 +41,9 @@ def test_the_second_process_ends_with_the_picture(
     scene: Any, module: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kernels, process = module("operators.kernels"), module("operators.process")
-    monkeypatch.setattr(module("operators.beside"), "start", lambda *_: subprocess.Popen(["sleep", "600"]))
+    monkeypatch.setattr(
+        module("potmesil_addon.beside"), "start", lambda *_: subprocess.Popen(["sleep", "600"])
+    )
     for number, end in enumerate(("close", "throw")):
         steps = process.process_samples(bpy.context, tmp_path / f"missing_{number}.exr")
         next(steps)

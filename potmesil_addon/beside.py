@@ -1,4 +1,4 @@
-"""Python processes beside Blender, which run a module of the core and nothing of Blender's."""
+"""Python processes beside this one, which run a module of the core and nothing of Blender's."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import sys
 from pathlib import Path
 from typing import IO
 
-from ..potmesil_addon.errors import InputError
+from .errors import InputError
 
 _NEEDED = ("numpy", "scipy", "numba", "llvmlite", "OpenEXR")
-_EXTENSION = __package__.rpartition(".")[0]
+_CORE = __package__ or ""
 
 _BOOT = """
 import importlib, sys, types
-package, root, main, *arguments = sys.argv[1:]
+core, root, main, *arguments = sys.argv[1:]
 name = ""
-for part in package.split("."):
+for part in core.split(".")[:-1]:
     name = f"{name}.{part}".lstrip(".")
     sys.modules[name] = module = types.ModuleType(name)
     module.__path__ = []
-module.__path__.append(root)
-raise SystemExit(importlib.import_module(f"{package}.potmesil_addon.{main}").main(arguments))
+(module.__path__ if name else sys.path).append(root)
+raise SystemExit(importlib.import_module(f"{core}.{main}").main(arguments))
 """
-"""Runs a module of the core in a package of the same name as inside Blender, without the package's rest.
+"""Runs a module of the core in a package of the same name as here, inside Blender as well, without the rest.
 
 A compiled kernel on disk belongs to a package by its name: with the same one, what a process has compiled is
 there for all.
@@ -56,14 +56,14 @@ def start(module: str, arguments: list[str], log: IO[bytes] | int) -> subprocess
     OSError
         If the process does not start.
     """
-    # As Blender names it: kernels on disk are found by the path of their source.
+    # As it is named here: kernels on disk are found by the path of their source.
     root = Path(__file__).absolute().parents[1]
     flags = 0
     if sys.platform == "win32":
         flags = subprocess.CREATE_NO_WINDOW | subprocess.BELOW_NORMAL_PRIORITY_CLASS
     return subprocess.Popen(
         # Without -P a module in the folder where Blender was started would come first.
-        [_python(), "-P", "-c", _BOOT, _EXTENSION, str(root), module, *arguments],
+        [_python(), "-P", "-c", _BOOT, _CORE, str(root), module, *arguments],
         stdin=subprocess.DEVNULL,
         stdout=log,
         stderr=log,
@@ -73,7 +73,7 @@ def start(module: str, arguments: list[str], log: IO[bytes] | int) -> subprocess
 
 
 def _python() -> str:
-    """Return the Python that Blender brings."""
+    """Return this program's Python, or the one that Blender brings."""
     if Path(sys.executable).stem.lower().startswith("python"):
         return sys.executable
     names = ("bin/python.exe",) if sys.platform == "win32" else (f"bin/python3.{sys.version_info.minor}",)
