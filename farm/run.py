@@ -10,9 +10,13 @@ python farm/run.py --blend scene.blend render --frames 1-4 --output out/####.exr
 from __future__ import annotations
 
 import atexit
+import contextlib
 import importlib
 import importlib.util
+import os
+import shutil
 import sys
+import traceback
 from pathlib import Path
 from types import ModuleType
 
@@ -71,5 +75,37 @@ def main() -> int:
     return command.main(arguments)
 
 
+def end(status: int | str | None) -> None:
+    """End the process without what Blender as a module does at its end: 4.5 hangs there once a driver ran.
+
+    Parameters
+    ----------
+    status : int or str or None
+        As `sys.exit` takes it.
+    """
+    if isinstance(status, str):
+        print(status, file=sys.stderr)
+        status = 1
+    shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
+    for stream in (sys.stdout, sys.stderr):
+        # Who reads may be gone.
+        with contextlib.suppress(OSError):
+            stream.flush()
+    os._exit(status or 0)
+
+
+def main_as_module() -> None:
+    """Run the command, and end the process whatever comes of it."""
+    try:
+        end(main())
+    except SystemExit as stop:
+        end(stop.code)
+    except BaseException:
+        traceback.print_exc()
+        end(1)
+
+
 if __name__ == "__main__":
+    if bpy.app.module:
+        main_as_module()
     sys.exit(main())

@@ -218,7 +218,7 @@ def real(blend: Path, tmp_path: Path) -> Shot:
     resources.mkdir()
     changes = {
         "PATH": path,
-        "PYTHONPATH": str(HERE / "slurm" / "without_numba"),
+        "PYTHONPATH": str(ROOT / "tests" / "without_numba"),
         "BLENDER_USER_RESOURCES": str(resources),
     }
     return Shot(blend.parent, ROOT / "farm" / "as_blender.py", {**os.environ, **changes})

@@ -28,7 +28,7 @@ TEMPLATE = ROOT / "farm" / "openjd" / "template.yaml"
 FARM_PYTHON = ROOT / ".venv" / "farm" / "bin" / "python"
 FRAMES = 24
 PROCESS = [sys.executable, "-m", "potmesil_addon", "process"]
-WITHOUT_NUMBA = Path(__file__).parent / "without_numba"
+WITHOUT_NUMBA = ROOT / "tests" / "without_numba"
 ENVIRONMENT = {"PYTHONPATH": os.pathsep.join([str(WITHOUT_NUMBA), str(ROOT)])}
 
 reason = (
