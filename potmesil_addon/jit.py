@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import hashlib
 import itertools
 import os
+import re
 import sys
 import time
 import types
@@ -41,6 +43,9 @@ if HAVE_NUMBA:
 
 _KERNELS: Final[list[Any]] = []
 """All kernels of the modules that were imported, as numba has them."""
+
+_RELATIVE_IMPORT: Final = re.compile(rb"^from \.(?:(\w+) import| import (\([^)]*\)|[^\n]*))", re.MULTILINE)
+"""Imports of a module from its own package, but for those within functions."""
 
 _LOCK: Final = "kernels.lock"
 _LOCK_PATIENCE: Final = 2.0
@@ -82,14 +87,56 @@ def kernel(*, parallel: bool = False, inline: bool = False) -> Callable[[Functio
 
     def decorate(function: Function) -> Function:
         dispatcher: Any = compiled(function)
-        # A numba whose insides are others saves as it does.
-        with contextlib.suppress(AttributeError):
-            file = dispatcher._cache._cache_file  # noqa: SLF001 - numba has no public way in
-            file.save = types.MethodType(_save, file)
+        # A numba whose insides are others keeps them as it does.
+        with contextlib.suppress(AttributeError, TypeError):
+            _keep(dispatcher._cache, Path(function.__code__.co_filename))  # noqa: SLF001 - see there
         _KERNELS.append(dispatcher)
         return dispatcher  # type: ignore[no-any-return]
 
     return decorate
+
+
+def _keep(cache: Any, source: Path) -> None:
+    """Have numba know a kernel on disk by its source's text, and save it by `_save`.
+
+    numba goes by the path and the date of the kernel's own module. So kernels would be compiled again for
+    each installation, which farms have many of, and kept where a module changed whose functions are built in.
+
+    Parameters
+    ----------
+    cache : Cache
+        numba's, of one kernel; there is no public way in.
+    source : Path
+        The kernel's module.
+    """
+    locator = cache._impl.locator  # noqa: SLF001
+    # Unless nobody may write there, numba has made a folder in it that is named after the module's.
+    own = Path(cache._cache_path)  # noqa: SLF001
+    if numba.config.CACHE_DIR and own.parent == Path(numba.config.CACHE_DIR):
+        cache._cache_path = locator._cache_path = str(own.parent)  # noqa: SLF001
+        with contextlib.suppress(OSError):
+            own.rmdir()
+    file = type(cache._cache_file)(  # noqa: SLF001
+        cache_path=cache._cache_path,  # noqa: SLF001
+        filename_base=cache._impl.filename_base,  # noqa: SLF001
+        source_stamp=_digest(source),
+    )
+    file.save = types.MethodType(_save, file)
+    cache._cache_file = file  # noqa: SLF001
+
+
+@functools.cache
+def _digest(source: Path) -> str:
+    """Return a hash of a module's text, and of those that it imports from its own package."""
+    found, coming = {}, [source]
+    while coming:
+        path = coming.pop()
+        if path not in found and path.is_file():
+            found[path] = path.read_bytes()
+            names = b",".join(b"".join(match) for match in _RELATIVE_IMPORT.findall(found[path]))
+            coming += [path.with_name(f"{name}.py") for name in re.findall(r"\w+", names.decode())]
+    texts = sorted((path.name, hashlib.sha256(text).hexdigest()) for path, text in found.items())
+    return hashlib.sha256(repr(texts).encode()).hexdigest()
 
 
 def _save(self: Any, key: Any, data: Any) -> None:

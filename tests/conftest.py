@@ -1,14 +1,19 @@
-"""Which tests may run beside each other, where there are several workers."""
+"""Where all tests keep compiled kernels, and which of them may run beside each other."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
-from potmesil_addon import jit
-
 HERE = Path(__file__).resolve().parent
+
+# To compile takes longer than all else. Blenders with the same Python share kernels, as installed extensions
+# with the same source do. Subprocesses and Blender with a window inherit this.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(HERE.parent / "build" / "kernels"))
+
+from potmesil_addon import jit  # noqa: E402 - numba reads its folder when it is imported
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -62,7 +62,7 @@ def test_without_samples_it_says_what_to_do(session: Any, module: Any) -> None:
 
 
 def test_kernels_are_compiled_once(live: Any, session: Any, scene: Any, module: Any) -> None:
-    """By Process for Live Focus, and by one Live Focus for the next; run first, with no kernel on disk."""
+    """By Process for Live Focus, and by one Live Focus for the next, where none was on disk."""
     assert bpy.ops.potmesil.render() == {"FINISHED"}
     cache = module("potmesil_addon.jit").numba.config.CACHE_DIR
     assert cache.endswith("potmesil_addon")

@@ -35,7 +35,6 @@ def test_exports_killed_at_any_moment_leave_whole_files_or_none(tmp_path: Path) 
         script = ROOT / "tests" / "blender" / "killed_exports.py"
         environment = {
             **os.environ,
-            "NUMBA_CACHE_DIR": str(ROOT / "build" / "kernels"),
             "BLENDER_USER_RESOURCES": str(tmp_path),
         }
         done = subprocess.run(

@@ -10,10 +10,6 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-# Kernels beside the source may have been compiled by the extension, under another package's name, and a
-# cached kernel loads in that package alone. Subprocesses inherit this.
-os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).resolve().parents[2] / "build" / "kernels"))
-
 from potmesil_addon import jit
 
 jit.set_cache_directory(Path(os.environ["NUMBA_CACHE_DIR"]))

@@ -269,3 +269,66 @@ assert inner(1.5) == 3.0
 def test_a_rehearsal_compiles_nothing_but_knows_what_to(tmp_path: Path) -> None:
     (tmp_path / "rehearsal.py").write_text(REHEARSAL)
     finish(start(tmp_path, "import rehearsal"))
+
+
+PACKAGE = {
+    "__init__.py": "",
+    "kernel.py": """
+from .jit import kernel
+from .parts import (
+    part,
+)
+
+
+@kernel()
+def whole(x: float) -> float:
+    return 10.0 * part(x)
+""",
+    "parts.py": """
+from . import jit
+
+
+@jit.kernel()
+def part(x: float) -> float:
+    return x + 1.0
+""",
+}
+
+CALL = """
+from package.kernel import whole
+print(whole(1.0), sum(whole.stats.cache_hits.values()))
+"""
+
+
+def package(folder: Path, cache: Path, **changes: str) -> str:
+    """Write a package with a copy of `jit`, call its kernel, and return what that says."""
+    place = folder / "package"
+    place.mkdir(parents=True, exist_ok=True)
+    (place / "jit.py").write_bytes(Path(jit.__file__).read_bytes())
+    for name, text in {**PACKAGE, **changes}.items():
+        (place / name).write_text(text)
+    done = subprocess.run(
+        [sys.executable, "-c", CALL],
+        env={**os.environ, "PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(cache)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.strip()
+
+
+def test_another_installation_finds_the_kernels(tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    assert package(tmp_path / "one", cache) == "20.0 0"
+    os.utime(tmp_path / "one" / "package" / "kernel.py", (1.0, 1.0))
+    assert package(tmp_path / "one", cache) == "20.0 1"
+    assert package(tmp_path / "another", cache) == "20.0 1"
+    assert not [path for path in cache.iterdir() if path.is_dir()]
+
+
+def test_kernels_are_compiled_again_where_what_they_call_is_another(tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    changed = PACKAGE["parts.py"].replace("1.0", "2.0")
+    assert package(tmp_path / "one", cache) == "20.0 0"
+    assert package(tmp_path / "one", cache, **{"parts.py": changed}) == "30.0 0"
+    assert package(tmp_path / "one", cache, **{"parts.py": changed}) == "30.0 1"
