@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -172,11 +173,13 @@ def _is_wanted(scene: bpy.types.Scene, frame: int) -> bool:
 @contextlib.contextmanager
 def _placeholder(scene: bpy.types.Scene, path: Path) -> Iterator[None]:
     """Let other Blenders see that a frame is being made; without a picture nothing stays of that."""
-    made = scene.render.use_placeholder and not path.exists()
-    if made:
+    made = None
+    if scene.render.use_placeholder:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.touch()
+            # Another Blender may make its own at the same moment.
+            with contextlib.suppress(FileExistsError), path.open("xb") as file:
+                made = os.fstat(file.fileno())
         except OSError as error:
             text = rpt_("Cannot write '{path}': {reason}; check the folder and the disk.")
             raise OutputError(text.format(path=path, reason=error.strerror)) from error
@@ -184,7 +187,7 @@ def _placeholder(scene: bpy.types.Scene, path: Path) -> Iterator[None]:
         yield
     finally:
         with contextlib.suppress(OSError):
-            if made and path.stat().st_size == 0:
+            if made is not None and os.path.samestat(made, path.stat()) and path.stat().st_size == 0:
                 path.unlink()
 
 

@@ -14,8 +14,23 @@ from .scene import is_writable
 
 
 def output_path(scene: bpy.types.Scene, frame: int) -> Path:
-    """Return where the picture of a frame belongs, as the output settings say."""
-    return Path(bpy.path.abspath(scene.render.frame_path(frame=frame)))
+    """Return where the picture of a frame belongs, as the output settings say.
+
+    Raises
+    ------
+    InputError
+        If the path has variables that Blender does not know.
+    """
+    try:
+        return Path(bpy.path.abspath(scene.render.frame_path(frame=frame)))
+    except RuntimeError as error:
+        # "Error: Parse errors in path '...':" and a line for each.
+        reason = " ".join(line.strip(" -") for line in str(error).splitlines()[1:])
+        raise InputError(
+            rpt_("The output path is not valid: {reason} Correct it in the output properties.").format(
+                reason=reason
+            )
+        ) from error
 
 
 def refuse_output(scene: bpy.types.Scene, *, layered: bool = False) -> None:

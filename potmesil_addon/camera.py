@@ -34,7 +34,7 @@ class Film:
     Raises
     ------
     SettingsError
-        If a size is not positive.
+        If a size is not positive, or pixels are 1000 times as wide as high, or as high as wide.
     """
 
     width: float
@@ -48,6 +48,11 @@ class Film:
                 raise SettingsError(f"Sensor {name} must be a number greater than 0, not {value:g}.")
         if self.columns < 1 or self.rows < 1:
             raise SettingsError(f"A picture of {self.columns} x {self.rows} pixels holds nothing.")
+        if not 1e-3 <= self.pitch_x / self.pitch_y <= 1e3:
+            raise SettingsError(
+                f"Pixels are {self.pitch_x / self.pitch_y:g} times as wide as high, which no camera's are; "
+                "give another sensor size."
+            )
 
     @property
     def pitch_x(self) -> float:

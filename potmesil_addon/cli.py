@@ -19,7 +19,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from . import __version__, beside, exr, jit, png
+from . import __version__, beside, exr, jit, png, schemas
 from .batch import Mark, Standing, add_batch_options, batch_options, run_batch, thread_count
 from .camera import Film, pan_tilt_swing
 from .diffraction import lommel_intensity, optical_defocus, optical_radius
@@ -524,7 +524,9 @@ def _curve(name: str | None) -> Curve | None:
     if name is None or name == _OFF:
         return None if name is None else ()
     try:
-        text = Path(name).read_bytes().decode("utf-8-sig", errors="replace")
+        with Path(name).open("rb") as file:
+            # More is refused as no curve, without being held.
+            text = file.read(schemas.MOST_CHARACTERS + 1).decode("utf-8-sig", errors="replace")
     except OSError as error:
         raise InputError(
             f"The shutter's curve '{name}' cannot be read: {error.strerror or error}; give a JSON file."
@@ -817,7 +819,7 @@ def _info(options: argparse.Namespace) -> int:
     for name, value in values.items():
         print(f"{name.replace('_', ' '):>16}: {_readable(value)}")
     for layer in layers:
-        print(f"{'layer':>16}: '{layer.pop('name')}', {_readable(layer)}")
+        print(f"{'layer':>16}: '{_readable(layer.pop('name'))}', {_readable(layer)}")
     return EXIT_DONE
 
 
@@ -838,7 +840,10 @@ def _readable(value: Any) -> str:
         )
         inner = ", ".join(parts)
         return inner or "none"
-    return str(value)
+    # A file's own words may hold what a terminal would obey.
+    return "".join(
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode() for letter in str(value)
+    )
 
 
 def _describe_file(raw: exr.RawFile) -> dict[str, Any]:

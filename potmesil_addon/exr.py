@@ -1012,9 +1012,10 @@ def _film(header: Mapping[str, Any], display: Window) -> Film | None:
     if size is None or not ((size >= _LEAST) & (size <= _MOST)).all():
         return None
     width, height = (float(x) / 1000.0 for x in size)
-    film = Film(width, height, display.columns, display.rows)
-    least, most = _PLAUSIBLE["pixelAspectRatio"]
-    return film if least <= film.pitch_x / film.pitch_y <= most else None
+    try:
+        return Film(width, height, display.columns, display.rows)
+    except SettingsError:
+        return None
 
 
 def _camera(header: Mapping[str, Any], film: Film | None) -> Camera | None:

@@ -27,6 +27,10 @@ focal length. ``paper`` moves the image plane to the lens law's image distance (
 
 COC_MODELS: Final[tuple[CocModel, ...]] = ("cycles", "paper")
 
+_MOST_BLADES: Final = 1000
+_LEAST_RATIO: Final = 1e-3
+"""As files are believed, see `exr`; beyond them tables of an aperture's shape take all memory."""
+
 DEFAULT_CRITERION: Final = 1000.0
 """Distance over the smallest diameter that the eye resolves at it (TOG 1982, section 2.2)."""
 
@@ -70,8 +74,10 @@ class Lens:
         _require_positive("Anamorphic ratio", self.anamorphic_ratio)
         if not math.isfinite(self.blade_rotation):
             raise SettingsError(f"Blade rotation must be a finite angle, not {self.blade_rotation}.")
-        if self.blades < 0:
-            raise SettingsError(f"Blades must be 0 (round) or more, not {self.blades}.")
+        if not 0 <= self.blades <= _MOST_BLADES:
+            raise SettingsError(f"Blades must be 0 (round) to {_MOST_BLADES}, not {self.blades}.")
+        if not _LEAST_RATIO <= self.anamorphic_ratio <= 1.0 / _LEAST_RATIO:
+            raise SettingsError(f"Anamorphic ratio must be 0.001 to 1000, not {self.anamorphic_ratio:g}.")
 
     @property
     def aperture_diameter(self) -> float:

@@ -1177,6 +1177,9 @@ GERMAN: dict[str, str] = {
         "Der Ausgabepfad ist relativ zu einer .blend-Datei, die nie gespeichert wurde; die Datei speichern "
         "oder einen anderen Ausgabepfad wählen."
     ),
+    "The output path is not valid: {reason} Correct it in the output properties.": (
+        "Der Ausgabepfad ist ungültig: {reason} In den Ausgabeeigenschaften berichtigen."
+    ),
     "Cannot write frames into '{folder}'; choose another output path.": (
         "Bilder lassen sich nicht nach '{folder}' schreiben; einen anderen Ausgabepfad wählen."
     ),

@@ -102,6 +102,14 @@ def test_overwrite_and_placeholders_are_those_of_the_output(shot: Any, tmp_path:
         bpy.ops.potmesil.render_animation()
 
 
+def test_an_output_path_that_blender_cannot_fill_in_is_named(shot: Any, module: Any) -> None:
+    shot.render.filepath += "{nothing}_"
+    if bpy.app.version < (5, 0, 0):
+        pytest.skip("paths had no variables before Blender 5.0")
+    with pytest.raises(RuntimeError, match=r"output path is not valid: .*\{nothing\}"):
+        bpy.ops.potmesil.render_animation()
+
+
 def test_an_error_names_its_frame_and_earlier_frames_stay(shot: Any, tmp_path: Path) -> None:
     bpy.ops.potmesil.render_animation()
     out = tmp_path / "out"

@@ -316,6 +316,12 @@ def test_film_counts_the_pixels_shape() -> None:
     assert film.pitch_x / film.pitch_y == pytest.approx(2.0, rel=1e-12)
 
 
+@pytest.mark.parametrize("width", [30e-6, 40.0])
+def test_film_refuses_pixels_that_are_lines(width: float) -> None:
+    with pytest.raises(SettingsError, match="times as wide as high"):
+        Film(width, 24 * MM, 36, 24)
+
+
 def test_film_needs_a_side() -> None:
     with pytest.raises(SettingsError, match="width or its height"):
         Film.from_sensor(10, 10)

@@ -422,6 +422,17 @@ def test_info_names_companion_layers(potmesil: Runner, tmp_path: Path) -> None:
     assert "companions stationary, moving" in potmesil("info", source).out
 
 
+def test_info_shows_names_that_a_terminal_would_obey(potmesil: Runner, tmp_path: Path) -> None:
+    name = "\x1b[2JView"
+    channels = {
+        f"{name}.{'Depth' if component == 'Z' else 'Combined'}.{component}": values
+        for component, values in plain_channels(4, 6).items()
+    }
+    said = potmesil("info", write_exr(tmp_path / "in.exr", channels)).out
+    assert "\x1b" not in said
+    assert "'\\x1b[2JView'" in said
+
+
 def test_info_of_a_plain_file(potmesil: Runner, tmp_path: Path) -> None:
     channels = plain_channels(4, 5)
     channels["Z"][0] = np.inf

@@ -246,9 +246,16 @@ def test_lens_refuses_an_endless_rotation(value: float) -> None:
         Lens(F, 2.8, 2.0, blades=5, blade_rotation=value)
 
 
-def test_lens_refuses_negative_blades() -> None:
+@pytest.mark.parametrize("blades", [-1, 1001])
+def test_lens_refuses_blades_that_no_iris_has(blades: int) -> None:
     with pytest.raises(SettingsError, match="Blades"):
-        Lens(F, 2.8, 2.0, blades=-1)
+        Lens(F, 2.8, 2.0, blades=blades)
+
+
+@pytest.mark.parametrize("ratio", [0.9e-3, 1001.0])
+def test_lens_refuses_an_aperture_that_is_a_slit(ratio: float) -> None:
+    with pytest.raises(SettingsError, match="Anamorphic ratio"):
+        Lens(F, 2.8, 2.0, anamorphic_ratio=ratio)
 
 
 @pytest.mark.parametrize(("blades", "is_round"), [(0, True), (1, True), (2, True), (3, False), (9, False)])
