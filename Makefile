@@ -57,7 +57,7 @@ $(foreach version,$(BLENDER_VERSIONS),$(eval $(call environment,$(version))))
 	.venv/dev/bin/python $(PIP_INSTALL) $(patsubst %,-r %,$(filter-out %/wheels.txt,$^)) && \
 	touch $@
 
-setup: $(ENV)/.stamp .venv/dev/.stamp  ## make the environments for tests, lint and docs
+setup: $(ENV)/.stamp .venv/dev/.stamp .venv/farm/.stamp  ## make the environments for tests, lint and docs
 
 system-packages: $(ENV)/.stamp  ## print the Debian packages that bpy still needs here
 	@$(PY) tools/check_bpy.py --packages
@@ -74,7 +74,7 @@ figures: $(ENV)/.stamp  ## draw the papers' figures and tables again, into build
 scenes: .venv/bpy-4.5/.stamp  ## save the sample scenes as .blend files
 	.venv/bpy-4.5/bin/python -m sample_scenes
 
-test: $(ENV)/.stamp  ## run the tests under one Blender
+test: $(ENV)/.stamp .venv/farm/.stamp  ## run the tests under one Blender
 	@$(PY) tools/check_bpy.py
 	$(PY) -m pytest $(TESTS) --ignore=tests/gui -n $(WORKERS) --dist loadgroup $(PYTEST_ARGS)
 
@@ -100,7 +100,7 @@ test-under-%:
 	if ! reason=$$(tools/find_python $(PYTHON_OF_$*) 2>&1 >/dev/null); then echo "skipped: $$reason"; exit; fi; \
 	case $* in \
 		4.5|5.1) set -- TESTS="tests/blender $(addprefix --ignore=,$(FIGURE_TESTS) $(LONG_TESTS))" WORKERS=1 ;; \
-		*) set -- TESTS="tests --ignore=tests/core/test_writing.py" ;; esac; \
+		*) set -- TESTS="tests --ignore=tests/core/test_writing.py --ignore=tests/farm" ;; esac; \
 	$(MAKE) --no-print-directory test BLENDER_VERSION=$* "$$@" || \
 	{ echo "Tests failed under Blender $*." >&2; exit 1; }
 
