@@ -28,7 +28,7 @@ from .sheets import (
     corners_averaged,
     covered_movers,
     cut_out_movers,
-    filled_in,
+    fill_in,
     inverse_depth,
     join,
     rendered_movers,
@@ -161,7 +161,7 @@ class Motion:
         The exposure.
     paths : tuple of ObjectPath or None
         The tracks' objects.
-    surface : ndarray of int64 of shape (sheets, rows, columns)
+    surface : ndarray of int32 of shape (sheets, rows, columns)
         Which object each sample belongs to.
     travel : ndarray of float32 of shape (sheets, rows, columns)
         Length of each sample's path in pixels of the samples.
@@ -176,7 +176,7 @@ class Motion:
     samples: Samples
     settings: MotionSettings
     paths: tuple[ObjectPath | None, ...]
-    surface: npt.NDArray[np.int64]
+    surface: npt.NDArray[np.int32]
     travel: Float32Array
     moving: float
     hidden: Hidden
@@ -239,14 +239,21 @@ def prepare(layer: SampleLayer, samples: Samples, settings: MotionSettings) -> M
         return None
     if np.count_nonzero(moves) > _MOSTLY * samples.display_window.rows * samples.display_window.columns:
         return probe.motion([sheet], None, travel[np.newaxis], moving, "filled")
+    # Each of these is as large as the picture: none stays longer than it is needed.
+    del sheet
+    travel = np.where(moves, travel, np.float32(0.0))[np.newaxis]
     movers, color, depth, guessed = cut_out_movers(layer, tracks, moves)
+    del tracks, moves
     if layer.absent is not None and layer.absent.depth is not None:
         # What is behind is known, and not only guessed.
         color = np.where((guessed > 0.0)[..., np.newaxis], layer.absent.color, color)
         depth = np.where(guessed > 0.0, inverse_depth(layer.absent), depth)
         guessed = np.zeros_like(guessed)
     background = background_of(samples, color, depth, guessed)
-    return probe.motion([movers], background, np.where(moves, travel, 0.0)[np.newaxis], moving, "filled")
+    del color, depth, guessed
+    sheets = [movers]
+    del movers
+    return probe.motion(sheets, background, travel, moving, "filled")
 
 
 def _from_views(
@@ -302,27 +309,29 @@ def expose_layer(
     guessed = np.zeros((display.rows, display.columns), dtype=np.float32)
     objects, together, rest = _by_object(motion)
     count = instants_for(motion.longest)
+    report = replace(
+        report_of(motion, layer, count, guessed), object_paths=len(objects), sample_paths=_surface_count(rest)
+    )
+    background, samples, settings = motion.background, motion.samples, motion.settings
     others = bool(rest.sheets.quads.any())
     if others or not objects:
-        steps = expose(
-            rest.sheets, motion.schedule(count), motion.background, picture, guessed, motion.settings.backend
-        )
+        steps = expose(rest.sheets, motion.schedule(count), background, picture, guessed, settings.backend)
         for done in steps:
             yield done * (0.5 if objects else 1.0)
-        if motion.background is None:
-            _complete(motion.samples, picture, guessed)
-    elif motion.background is not None:
-        picture[:] = motion.background.color
-        guessed[:] = motion.background.guessed
+    # What takes most of the memory goes before objects are laid over it.
+    del motion, rest
+    if background is None and (others or not objects):
+        _complete(samples, picture, guessed)
+    elif not others and objects and background is not None:
+        picture[:] = background.color
+        guessed[:] = background.guessed
     if objects:
         bins = count if together else 1
-        for done in merge(objects, motion.background, bins, picture, guessed):
+        for done in merge(objects, background, bins, picture, guessed):
             yield 0.5 + 0.5 * done
         if not others:
-            count = bins
-    report = report_of(motion, layer, count, guessed)
-    surfaces = _surface_count(rest)
-    return picture, guessed, replace(report, object_paths=len(objects), sample_paths=surfaces)
+            report = replace(report, instants=bins)
+    return picture, guessed, replace(report, guessed=float(guessed.mean()))
 
 
 def _surface_count(motion: Motion) -> int:
@@ -375,8 +384,10 @@ def _complete(
     # What is known of a surface is a guess too, but it is seen.
     unseen = there & (guessed >= 1.0) & (picture[..., 3] <= 0.0)
     if unseen.any():
-        source = filled_in(picture, there & ~unseen, unseen) if filler is None else filler
-        picture[unseen] = source[unseen]
+        if filler is None:
+            fill_in(picture, there & ~unseen, unseen)
+        else:
+            picture[unseen] = filler[unseen]
     # Beyond its data a file is empty: what was not seen there at an instant was nothing.
     picture[~there] *= (1.0 - guessed[~there])[:, np.newaxis]
     guessed[~there] = 0.0
@@ -612,18 +623,20 @@ class _Probe:
         moving: float,
         hidden: Hidden,
     ) -> Motion:
-        """Return the layer with its sheets joined."""
+        """Return the layer with its sheets joined; the list of them is empty then, to free their memory."""
         stacked = self._stack(sheets)
         found = outlook(stacked, self._schedule, self._settings.backend)
         quads = np.empty(stacked.quads.shape, dtype=np.uint8)
         color = np.empty((2, *stacked.color.shape[1:]), dtype=np.float32)
         color[0] = stacked.color[0]
+        stacked = stacked._replace(quads=quads, color=color)
+        sheets[:] = [replace(sheet, color=color[0, s]) for s, sheet in enumerate(sheets)]
         for s, sheet in enumerate(sheets):
             quads[s], color[1, s] = join(
                 sheet, found.right[s], found.down[s], before_something=s > 0 or background is not None
             )
-        stacked = stacked._replace(quads=quads, color=color)
         surface = _stacked([sheet.surface for sheet in sheets])
+        sheets.clear()
         return Motion(
             stacked, background, self.samples, self._settings, self._paths, surface, travel, moving, hidden
         )

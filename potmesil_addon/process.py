@@ -342,7 +342,10 @@ def _process_layer(
         report = report_of(moving, layer, cascaded.instants, guessed)
         return _Layer(picture, guessed, cascaded.doubt + of_guesses, cascaded.focus, report)
     if moving is not None and motion is not None:
-        picture, guessed, report = yield from expose_layer(moving, layer)
+        steps = expose_layer(moving, layer)
+        # They let go of it once they can.
+        del moving
+        picture, guessed, report = yield from steps
         if bend is not None:
             window = samples.display_window
             picture, guessed = bend.values(picture, window), bend.values(guessed, window)

@@ -17,7 +17,7 @@ from scipy import ndimage, spatial
 
 from .lens import FloatArray
 from .samples import BRIGHT, Float32Array, SampleLayer, Samples, Window
-from .tracks import Mask, Tracks, spread
+from .tracks import Mask, Tracks, nearest_known, spread
 from .warp import NO_QUAD, NO_TRACK, QUAD, TORN_QUAD, VECTOR_TRACK, Background
 
 DEPTH_STEP: Final = 0.03
@@ -67,7 +67,7 @@ class Sheet:
     inverse_depth: Float32Array
     tracks: Tracks
     guessed: Float32Array
-    surface: npt.NDArray[np.int64]
+    surface: npt.NDArray[np.int32]
 
 
 def inverse_depth(layer: SampleLayer) -> Float32Array:
@@ -141,7 +141,7 @@ def cut_out_movers(
     depths = inverse_depth(layer)
     surface = _surface(layer, tracks)
     band = ndimage.binary_dilation(moves, _AROUND, _EDGE)
-    _, nearest = spread(tracks, moves, band)
+    nearest = nearest_known(moves)
     # A nearer surface at rest covers the object: its pixels are neither mixed with it nor behind it.
     before = ~moves & (depths > depths[nearest] * (1.0 + DEPTH_STEP))
     covered = before & _within_outlines(surface, moves)
@@ -150,37 +150,33 @@ def cut_out_movers(
     for instead in (~band, ~moves, np.ones_like(moves)):
         if not source.any():
             source = instead
-    filled = filled_in(np.dstack([layer.color, depths]), source, hole)
+    filled = np.dstack([layer.color, depths])
+    fill_in(filled, source, hole)
     behind = filled[..., :4]
     inner = ndimage.binary_erosion(moves, _AROUND, border_value=1)
     front = _mean_around(layer.color, inner if inner.any() else moves, hole)
     # Where a covering surface ends the object does not: that is no edge of it.
     edge = hole & ~inner & ~ndimage.binary_dilation(covered, _AROUND)
     alpha = np.where(edge, _unmixed(layer.color, front, behind, moves), moves.astype(np.float32))
-    color = np.asarray(layer.color - (1.0 - alpha)[..., np.newaxis] * behind, dtype=np.float32)
-    color = np.where(edge[..., np.newaxis], np.maximum(color, 0.0), layer.color * moves[..., np.newaxis])
-    color[..., 3] = np.where(edge, np.clip(color[..., 3], 0.0, alpha), color[..., 3])
+    del front, inner, source, before
+    color = layer.color * moves[..., np.newaxis]
+    of_edge = alpha[edge][:, np.newaxis]
+    color[edge] = np.maximum(layer.color[edge] - (1.0 - of_edge) * behind[edge], 0.0)
+    color[edge, 3] = np.minimum(color[edge, 3], of_edge[:, 0])
     if covered.any():
         # Colours at the cover's edge are mixed with it; deeper inside they are the object's own.
         known = moves & ~ndimage.binary_dilation(covered, _AROUND, _EDGE)
         unknown = ndimage.binary_dilation(covered, _AROUND, _EDGE) & (moves | covered)
-        color = filled_in(color.astype(np.float32), known if known.any() else moves, unknown)
-    own = tracks.select(nearest, hole | covered)
+        fill_in(color, known if known.any() else moves, unknown)
     uncovered = hole & (alpha > 0.0)
-    movers = Sheet(
-        np.asarray(color, dtype=np.float32),
-        depths[nearest],
-        own,
-        covered.astype(np.float32),
-        surface[nearest],
-    )
-    return (
-        movers,
-        np.where(uncovered[..., np.newaxis], behind, layer.color).astype(np.float32),
-        # What is filled in lies behind the object that was seen there.
-        np.where(hole, np.minimum(filled[..., 4], depths[nearest]), depths).astype(np.float32),
-        uncovered.astype(np.float32),
-    )
+    still = np.where(uncovered[..., np.newaxis], behind, layer.color)
+    in_front = depths[nearest]
+    # What is filled in lies behind the object that was seen there.
+    depths = np.where(hole, np.minimum(filled[..., 4], in_front), depths)
+    del filled, behind, alpha
+    own = tracks.select(nearest, hole | covered)
+    movers = Sheet(color, in_front, own, covered.astype(np.float32), surface[nearest])
+    return movers, still, depths, uncovered.astype(np.float32)
 
 
 def covered_movers(sheet: Sheet) -> Sheet | None:
@@ -220,7 +216,8 @@ def covered_movers(sheet: Sheet) -> Sheet | None:
             continue
         # Colours at the cover's edge are mixed with it.
         known = mine & ~ndimage.binary_dilation(hidden, _AROUND, _EDGE)
-        filled = filled_in(sheet.color[part], known if known.any() else mine, hidden)
+        filled = sheet.color[part].copy()
+        fill_in(filled, known if known.any() else mine, hidden)
         color[part][hidden], iz[part][hidden] = filled[hidden], depth[hidden]
         taken[part][hidden] = depth[hidden]
         for axis in (0, 1):
@@ -239,7 +236,7 @@ def covered_movers(sheet: Sheet) -> Sheet | None:
     )
 
 
-def _within_outlines(surface: npt.NDArray[np.int64], moves: Mask) -> Mask:
+def _within_outlines(surface: npt.NDArray[np.int32], moves: Mask) -> Mask:
     """Return which pixels lie within the convex outline of an object that moves."""
     inside = np.zeros(moves.shape, dtype=bool)
     for number in np.unique(surface[moves]):
@@ -337,48 +334,41 @@ def background_of(
     return Background(on_display(samples, color), on_display(samples, depth), on_display(samples, guessed))
 
 
-def filled_in(values: Float32Array, known: Mask, wanted: Mask) -> Float32Array:
-    """Fill in values smoothly from what is known around them.
+def fill_in(values: Float32Array, known: Mask, wanted: Mask) -> None:
+    """Fill in values smoothly from what is known around them, by averages on ever coarser grids.
 
     Parameters
     ----------
     values : ndarray of float32 of shape (rows, columns, channels)
-        Values.
+        Values; the wanted ones are replaced.
     known : ndarray of bool of shape (rows, columns)
         Which may be filled from.
     wanted : ndarray of bool of shape (rows, columns)
         Which to fill.
-
-    Returns
-    -------
-    ndarray of float32 of shape (rows, columns, channels)
-        A copy, filled by averaging down to ever coarser grids until something is known, and back.
     """
     if values.max(initial=0.0) > BRIGHT or values.min(initial=0.0) < -BRIGHT:
         dim = known & (np.abs(values).max(axis=2) <= BRIGHT)
         known = dim if dim.any() else known
-    pyramid = [(np.where(known[..., np.newaxis], values, 0.0).astype(np.float32), known.astype(np.float32))]
+    if known.all() or known.size <= 1:
+        values[wanted & ~known] = 0.0
+        return
+    pyramid = [_halved(values, known.astype(np.float32))]
     while not (pyramid[-1][1] > 0.0).all() and max(pyramid[-1][1].shape) > 1:
         pyramid.append(_halved(*pyramid[-1]))
     result = pyramid[-1][0]
-    for finer, weight in reversed(pyramid[1:-1]):
+    for finer, weight in reversed(pyramid[:-1]):
         coarse = _doubled(result, finer.shape[:2])
         result = weight[..., np.newaxis] * finer + (1.0 - weight[..., np.newaxis]) * coarse
-    filled, at = np.array(values, dtype=np.float32), np.nonzero(wanted)
-    finest, weight = pyramid[0]
-    if len(pyramid) == 1:
-        filled[at] = finest[at]
-    else:
-        share = weight[at][:, np.newaxis]
-        filled[at] = share * finest[at] + (1.0 - share) * _doubled_at(result, wanted.shape, at)
-    return filled
+    at = np.nonzero(wanted & ~known)
+    values[at] = _doubled_at(result, wanted.shape, at)
 
 
 def _halved(values: Float32Array, weight: Float32Array) -> tuple[Float32Array, Float32Array]:
     rows, columns = weight.shape[0] + weight.shape[0] % 2, weight.shape[1] + weight.shape[1] % 2
     padded = np.zeros((rows, columns, values.shape[2] + 1), dtype=np.float32)
     inside = padded[: weight.shape[0], : weight.shape[1]]
-    np.multiply(values, weight[..., np.newaxis], out=inside[..., :-1])
+    # Where nothing is known may be anything, infinity too.
+    np.multiply(values, weight[..., np.newaxis], out=inside[..., :-1], where=weight[..., np.newaxis] > 0.0)
     inside[..., -1] = weight
     total = padded.reshape(rows // 2, 2, columns // 2, 2, -1).sum(axis=(1, 3))
     below = np.maximum(total[..., -1:], np.float32(1e-20))
@@ -418,19 +408,18 @@ def _between(size: int, coarse: int) -> tuple[npt.NDArray[np.int64], npt.NDArray
     return low, np.minimum(low + 1, coarse - 1), (at - low).astype(np.float32)
 
 
-def _surface(layer: SampleLayer, tracks: Tracks) -> npt.NDArray[np.int64]:
+def _surface(layer: SampleLayer, tracks: Tracks) -> npt.NDArray[np.int32]:
     """Return a number for each surface: its track, or its object index where vectors are followed."""
-    surface = tracks.track.astype(np.int64)
-    if layer.object_index is not None:
-        surface = np.where(surface == VECTOR_TRACK, -10 - layer.object_index.astype(np.int64), surface)
-    return surface
+    if layer.object_index is None:
+        return tracks.track
+    return np.where(tracks.track == VECTOR_TRACK, np.int32(-10) - layer.object_index, tracks.track)
 
 
 def _no_movers(layer: SampleLayer, tracks: Tracks) -> Sheet:
     nothing = Tracks(np.full_like(tracks.track, NO_TRACK), tracks.velocity, tracks.acceleration, tracks.paths)
     return Sheet(
         layer.color, inverse_depth(layer), nothing, np.zeros(tracks.track.shape, np.float32),
-        np.zeros(tracks.track.shape, dtype=np.int64),
+        np.zeros(tracks.track.shape, dtype=np.int32),
     )  # fmt: skip
 
 
@@ -451,7 +440,8 @@ def _mean_around(color: Float32Array, source: Mask, wanted: Mask) -> Float32Arra
     near = below > 0.5 / size**2
     if not near.any():
         return color
-    return filled_in(mean, near, wanted & ~near)
+    fill_in(mean, near, wanted & ~near)
+    return mean
 
 
 def _unmixed(

@@ -15,6 +15,7 @@ from .samples import Float32Array, SampleLayer, Samples
 from .warp import NO_TRACK, VECTOR_TRACK
 
 Mask = npt.NDArray[np.bool_]
+Indices = tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]
 
 _BOX_MARGIN: Final = 0.02
 """By how much of its size a sample may lie outside its object's bounding box: depths are not exact."""
@@ -50,7 +51,7 @@ class Tracks:
     acceleration: Float32Array
     paths: tuple[ObjectPath | None, ...]
 
-    def select(self, indices: tuple[npt.NDArray[np.int64], ...], keep: Mask) -> Tracks:
+    def select(self, indices: Indices, keep: Mask) -> Tracks:
         """Return tracks taken from other samples, and none where `keep` is false."""
         track = np.where(keep, self.track[indices], np.int32(NO_TRACK))
         return Tracks(track, self.velocity[indices], self.acceleration[indices], self.paths)
@@ -172,7 +173,7 @@ def _from_vectors(vector: Float32Array | None, shape: tuple[int, ...]) -> tuple[
     return np.ascontiguousarray(half * (after - before)), np.ascontiguousarray(half * (after + before))
 
 
-def spread(tracks: Tracks, known: Mask, wanted: Mask) -> tuple[Tracks, tuple[npt.NDArray[np.int64], ...]]:
+def spread(tracks: Tracks, known: Mask, wanted: Mask) -> tuple[Tracks, Indices]:
     """Give samples that belong to no object the path of the nearest one that does.
 
     Parameters
@@ -188,9 +189,14 @@ def spread(tracks: Tracks, known: Mask, wanted: Mask) -> tuple[Tracks, tuple[npt
     -------
     tracks : Tracks
         The paths.
-    indices : tuple of ndarray of int64
+    indices : tuple of ndarray of int32
         Row and column of the sample that each was taken from.
     """
-    _, indices = ndimage.distance_transform_edt(~known, return_indices=True)
-    nearest = (indices[0].astype(np.int64), indices[1].astype(np.int64))
+    nearest = nearest_known(known)
     return tracks.select(nearest, wanted), nearest
+
+
+def nearest_known(known: Mask) -> Indices:
+    """Return row and column of the nearest sample that is known, for each sample."""
+    row, column = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return row, column

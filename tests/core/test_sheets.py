@@ -17,7 +17,7 @@ from potmesil_addon.sheets import (
     Sheet,
     covered_movers,
     cut_out_movers,
-    filled_in,
+    fill_in,
     inverse_depth,
     join,
     on_display,
@@ -37,6 +37,13 @@ def tracks_of(track: npt.NDArray[Any]) -> Tracks:
 
 
 # Filling in
+
+
+def filled_in(values: Picture, known: Labels, wanted: Labels) -> Picture:
+    result = values.copy()
+    fill_in(result, known, wanted)
+    return result
+
 
 shapes = pytest.mark.parametrize("shape", [(1, 1), (1, 7), (9, 1), (2, 3), (5, 8), (13, 21), (64, 64)])
 
