@@ -84,11 +84,12 @@ test-all:  ## run the tests under every supported Blender
 	$(MAKE) --no-print-directory test || status=1; exit $$status
 
 # The core knows no Blender, and 4.5 and 5.0 have one Python and numpy, 5.1 and 5.2 another. What the figures show
-# is up to the core too: 5.0 and 5.2 render them.
+# is up to the core too: one Blender renders them.
 FIGURE_TESTS := $(wildcard tests/blender/test_*_figures.py) tests/blender/test_night_street.py tests/blender/test_still_life.py
 
 # What hardly differs between Blenders and takes its time.
-LONG_TESTS := $(addprefix tests/blender/,test_memory.py test_writing.py test_release_zip.py)
+LONG_TESTS := $(addprefix tests/blender/,test_kernels.py test_memory.py test_writing.py test_release_zip.py)
+BY_DEFAULT_ONLY := tests/farm tests/core/test_writing.py $(FIGURE_TESTS)
 
 # Two at a time: much of a run is compiling, which takes one core. Those without the core's tests have one worker.
 test-others:  ## the same, leaving out the Blender that "make test" uses
@@ -100,7 +101,7 @@ test-under-%:
 	if ! reason=$$(tools/find_python $(PYTHON_OF_$*) 2>&1 >/dev/null); then echo "skipped: $$reason"; exit; fi; \
 	case $* in \
 		4.5|5.1) set -- TESTS="tests/blender $(addprefix --ignore=,$(FIGURE_TESTS) $(LONG_TESTS))" WORKERS=1 ;; \
-		*) set -- TESTS="tests --ignore=tests/core/test_writing.py --ignore=tests/farm" ;; esac; \
+		*) set -- TESTS="tests $(addprefix --ignore=,$(BY_DEFAULT_ONLY))" ;; esac; \
 	$(MAKE) --no-print-directory test BLENDER_VERSION=$* "$$@" || \
 	{ echo "Tests failed under Blender $*." >&2; exit 1; }
 

@@ -33,8 +33,9 @@ _SHEET: Final = 45
 _LENS_OF_SURFACES: Final = 50
 """Bytes a sample of the focus processor where nothing is hidden, of each surface, and beside those."""
 
-_MOTION: Final = 200
-"""Bytes a sample of the motion processor once it is known what moves, at their most."""
+_MOTION: Final = 165
+_MOTION_OF_VIEWS: Final = 400
+"""Bytes a sample of the motion processor at their most, once it is known what moves; with companions."""
 
 _FINISH: Final = 60
 """Bytes a pixel from the processors' pictures to the finished one."""
@@ -104,22 +105,24 @@ def need_of_lens(settings: FocusSettings, *, sheets: int, columns: int) -> Need:
     return Need(_KERNELS + sums, row, kept, columns * _SURVEY)
 
 
-def check_motion(samples: int, limit: int | None) -> None:
+def check_motion(samples: int, limit: int | None, *, views: bool) -> None:
     """Refuse what the motion processor has no room for: it takes a picture as a whole.
 
     Parameters
     ----------
     samples : int
-        Their number, in all sheets.
+        Their number.
     limit : int or None
         Bytes that the process may have in all.
+    views : bool
+        Whether the layer has companions, which hold what moving objects hide.
 
     Raises
     ------
     MemoryLimitError
         If there is not enough.
     """
-    _check(_KERNELS + samples * _MOTION, limit)
+    _check(_KERNELS + samples * (_MOTION_OF_VIEWS if views else _MOTION), limit)
 
 
 def check_picture(pixels: int, limit: int | None) -> None:

@@ -8,12 +8,18 @@ True
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from pathlib import Path
 from typing import Final
 
 _OF_PROCESS: Final = Path("/proc/self")
+
+_MMAP_THRESHOLD: Final = -3
+"""Number of that parameter in malloc.h."""
+
+_LARGER: Final = 4 * 2**20
 
 
 def resident() -> int:
@@ -52,6 +58,18 @@ def peak() -> int:
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     # Kilobytes but on a Mac.
     return most if sys.platform == "darwin" else most * 1024
+
+
+def return_what_is_freed() -> None:
+    """From now on give the system all larger pieces of memory that are freed, at once.
+
+    glibc keeps pieces of up to 32 MiB, such as a frame's depths, for as long as anything lies behind them.
+    """
+    if sys.platform == "linux":
+        import ctypes  # noqa: PLC0415 - only here
+
+        with contextlib.suppress(AttributeError):
+            ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, _LARGER)
 
 
 def _counters_of_windows() -> list[int]:

@@ -228,7 +228,7 @@ def prepare(layer: SampleLayer, samples: Samples, settings: MotionSettings) -> M
     moves, travel = probe.moves(sheet)
     moving = float(moves.mean())
     if moving > 0.0 or layer.moving is not None:
-        check_motion(moves.size * (1 if layer.moving is None else 2), settings.max_memory)
+        check_motion(moves.size, settings.max_memory, views=layer.moving is not None)
     if layer.stationary is not None and layer.moving is not None and samples.paths is not None:
         alone = assign_tracks(layer.moving, samples, all_move=True)
         if alone is not None and layer.moving.depth is not None:

@@ -21,6 +21,7 @@ from .errors import SettingsError
 from .focus import FocusReport, FocusSettings, Weighting, average_down, focus_layer, over
 from .images import look_again
 from .lens import CocModel, Lens
+from .memory import return_what_is_freed
 from .motion import MotionModel, MotionReport, MotionSettings, expose_layer, prepare, report_of
 from .pixel_filter import filter_down
 from .printer import defocus_evenly, fade
@@ -200,6 +201,8 @@ def process(samples: Samples, settings: ProcessSettings) -> Generator[float, Non
     bend = None if character is None else character.bend
     # A lens that bends the picture shows more or less than the pinhole did.
     taken = samples if bend is None else samples.showing(bend.needed)
+    if settings.max_memory is not None:
+        return_what_is_freed()
     check_picture(samples.display_window.rows * samples.display_window.columns, settings.max_memory)
     layers = sorted(taken.layers, key=_middle_depth) if len(taken.layers) > 1 else taken.layers
     developed = is_developed(settings.effects)
