@@ -398,3 +398,16 @@ def test_command_on_a_missing_file_is_wrong_input(blender: Any, tmp_path: Path) 
     )
     assert done.returncode == 3
     assert "No .blend file is open" in done.stderr
+
+
+def test_nothing_else_changes_by_what_needs_a_window(
+    blender: Any, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """All of Blender is written down before and after, and after undo and redo."""
+    seen = drive(blender, "untouched_flow.py", tmp_path_factory.mktemp("untouched"))
+    assert seen["errors"] == []
+    assert seen["running"]
+    assert len(seen["changed"]) >= 11
+    assert not {name: lines for name, lines in seen["changed"].items() if lines}
+    # What a drag with Live Focus on is for.
+    assert [line.partition(":")[0] for line in seen["confirmed"]] == ["cameras['Camera'].dof.focus_distance"]
