@@ -68,7 +68,7 @@ def main(arguments: list[str]) -> int:
         if name in ("-h", "--help"):
             for command, about in _ABOUT.items():
                 print(f"{prog} {command}: {about}; see '{prog} {command} --help'")
-        return cli.main(arguments, prog=prog)
+        return cli.main([_of_blend(word) for word in arguments], prog=prog)
     parser = _movie_parser(prog) if name == "movie" else _frames_parser(prog, name)
     try:
         options = parser.parse_args(arguments[1:])
@@ -221,6 +221,14 @@ def _movie(scene: bpy.types.Scene, options: argparse.Namespace) -> int:
         write_movie(scene, source, target, frames)
     Lines().say(f"Saved: '{target}'")
     return EXIT_DONE
+
+
+def _of_blend(word: str) -> str:
+    """Return a path of the command line, or an option with one, as `_template` does where a file is open."""
+    option, equals, path = word.partition("=") if word.startswith("-") else ("", "", word)
+    if path.startswith("//") and bpy.data.filepath:
+        return f"{option}{equals}{bpy.path.abspath(path)}"
+    return word
 
 
 def _template(name: str | None) -> Path | None:

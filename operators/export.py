@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import json
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from bpy.app.translations import pgettext_iface as iface_
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..potmesil_addon.errors import InputError
+from ..potmesil_addon.files import working_folder
 from ..potmesil_addon.lamps import lamps_to_json
 from ..potmesil_addon.preflight import Finding, check_scene
 from ..potmesil_addon.samples import SampleLayer
@@ -172,7 +172,7 @@ def export_samples(
         # Renders, too, take changes back that were never keyed.
         kept_scene(scene),
         Borrowed() as borrowed,
-        tempfile.TemporaryDirectory(prefix="potmesil_") as folder,
+        working_folder() as folder,
     ):
         pixel_variance = filter_variance(scene)
         keeps_light = keeps_light_passes(scene)
@@ -191,9 +191,7 @@ def export_samples(
         if uses_depth_peeling(scene):
             for number, names in enumerate(peeled_views(scene, motion, margins), start=1):
                 views[exr.behind(number)] = functools.partial(hidden_from_camera, scene=scene, names=names)
-        seen = (
-            SeenLight(scene, motion, Path(folder), render, save_render) if uses_reflections(scene) else None
-        )
+        seen = SeenLight(scene, motion, folder, render, save_render) if uses_reflections(scene) else None
         start, share = _MOTION_SHARE, (1.0 - _MOTION_SHARE) / (len(views) + 1)
         companions: dict[str, Path] = {}
         for suffix, prepare in views.items():
@@ -201,7 +199,7 @@ def export_samples(
             with Borrowed() as own:
                 prepare(own)
                 yield from scaled(render(scene), start, share)
-                companions[suffix] = Path(folder) / f"companion_{len(companions)}.exr"
+                companions[suffix] = folder / f"companion_{len(companions)}.exr"
                 save_render(scene, companions[suffix])
                 if seen is not None:
                     yield from scaled(seen.probe(suffix, whole=suffix == exr.ABSENT), start + share, 0.0)
@@ -210,7 +208,7 @@ def export_samples(
             yield from scaled(seen.probe("", whole=True), start, 0.0)
         doing(_rendering(frame, len(views) + 1, len(views) + 1))
         yield from scaled(render(scene), start, share)
-        rendered = Path(folder) / "render.exr"
+        rendered = folder / "render.exr"
         save_render(scene, rendered)
         layers = [] if seen is None else seen.layers(rendered, companions, margins)
         filters = (pixel_variance, sample_variance)

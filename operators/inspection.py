@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import bpy
@@ -18,6 +16,7 @@ from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..potmesil_addon import inspection
 from ..potmesil_addon.errors import InputError, PotmesilError
+from ..potmesil_addon.files import working_folder
 from ..potmesil_addon.lens import depth_of_field
 from . import inspection_draw, kernels, live
 from .borrow import Borrowed
@@ -404,8 +403,8 @@ def display_values(
     try:
         image.alpha_mode = "PREMUL"
         image.pixels.foreach_set(np.ascontiguousarray(picture[::-1], dtype=np.float32).reshape(-1))
-        with tempfile.TemporaryDirectory(prefix="potmesil_inspect_") as folder, Borrowed() as borrowed:
-            path = Path(folder) / _ON_THE_WAY
+        with working_folder() as folder, Borrowed() as borrowed:
+            path = folder / _ON_THE_WAY
             _borrow_display(borrowed, scene, as_render=as_render)
             image.save_render(str(path), scene=scene)
             loaded = bpy.data.images.load(str(path))

@@ -7,7 +7,6 @@ scene's passes are there, and the compositor has not begun. Nothing is rendered 
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +18,7 @@ from bpy.app.handlers import persistent
 from bpy.app.translations import pgettext_rpt as rpt_
 
 from ..potmesil_addon.errors import InputError, PotmesilError
+from ..potmesil_addon.files import working_folder
 from . import kernels, stage
 from .borrow import Borrowed
 from .composite import Outcome
@@ -243,8 +243,8 @@ def _unexpected(error: Exception) -> str:
 def _save(job: _Job, motion: SampledMotion) -> None:
     """Make a samples file of the render that has just ended."""
     variance = filter_variance(job.scene)
-    with tempfile.TemporaryDirectory(prefix="potmesil_") as folder:
-        rendered = Path(folder) / "render.exr"
+    with working_folder() as folder:
+        rendered = folder / "render.exr"
         save_render(job.scene, rendered)
         annotate_render(job.scene, rendered, job.path, motion, (variance, variance))
 

@@ -9,8 +9,10 @@ import os
 import platform
 import re
 import secrets
+import shutil
 import stat
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -81,6 +83,9 @@ _PROBE: Final = 1 << 16
 
 _LONGEST_SUFFIX: Final = 16
 """What is longer, in characters, is not the kind of a file but the end of its name."""
+
+_WORKING: Final = "potmesil_work_"
+"""Begin of a working folder's name, before its process' number."""
 
 _swept: dict[str, float] = {}
 """When this process looked for abandoned parts, by folder and suffix."""
@@ -261,6 +266,38 @@ def _remove_stale_parts(own: Path) -> None:
                 with contextlib.suppress(OSError):
                     if today - old.lstat().st_mtime > _STALE_AFTER:
                         old.unlink()
+
+
+@contextlib.contextmanager
+def working_folder() -> Iterator[Path]:
+    """Give a folder for what nobody keeps, and remove those that killed processes left a day or more ago.
+
+    Yields
+    ------
+    Path
+        A new folder among the system's temporary ones, which goes with the block.
+    """
+    for old in Path(tempfile.gettempdir()).glob(f"{_WORKING}*_*"):
+        with contextlib.suppress(OSError, ValueError):
+            # On a shared disk it may be another machine's.
+            asleep = time.time() - old.stat().st_mtime > _STALE_AFTER
+            if asleep and not _is_running(int(old.name.removeprefix(_WORKING).partition("_")[0])):
+                shutil.rmtree(old, ignore_errors=True)
+    with tempfile.TemporaryDirectory(prefix=f"{_WORKING}{os.getpid()}_") as folder:
+        yield Path(folder)
+
+
+def _is_running(process: int) -> bool:
+    """Return whether there is a process of a number here; False where that is not known."""
+    if os.name == "nt":
+        return False
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def _flush(part: Path) -> None:

@@ -158,6 +158,9 @@ def test_samples_go_where_they_are_told_and_process_again(blend: Path, module: A
     samples = tmp_path / "kept.exr"
     assert main(["render", "--output", str(tmp_path / "a.png"), "--samples", str(samples)]) == 0
     assert main(["process", str(samples), "-o", str(tmp_path / "b.png")]) == 0
+    # As everywhere in Blender, // is the file's folder.
+    assert main(["process", f"//{samples.relative_to(tmp_path)}", "-o", "//c.png"]) == 0
+    assert (tmp_path / "c.png").read_bytes() == (tmp_path / "b.png").read_bytes()
     one, other = (pypng.Reader(filename=str(tmp_path / f"{name}.png")).asDirect() for name in "ab")
     assert np.array_equal(np.vstack(list(one[2])), np.vstack(list(other[2])))
     assert main(["info", str(samples)]) == 0

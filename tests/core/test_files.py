@@ -6,6 +6,9 @@ import errno
 import os
 import platform
 import stat
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -450,3 +453,38 @@ def test_a_folder_is_not_listed_for_each_of_its_files(
     for frame in range(5):
         write(tmp_path / f"{frame:04d}.exr")
     assert len(listed) == 1
+
+
+def test_working_folders_of_the_dead_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    long_ago = time.time() - 2 * 86400.0
+    folders = {
+        name: tmp_path / name
+        for name in (f"potmesil_work_{ended.pid}_old", f"potmesil_work_{ended.pid}_new",
+                     f"potmesil_work_{os.getpid()}_old", "potmesil_work_mine", "potmesil_work_x_old")
+    }  # fmt: skip
+    for name, folder in folders.items():
+        folder.mkdir()
+        (folder / "render.exr").touch()
+        if not name.endswith("new"):
+            os.utime(folder, (long_ago, long_ago))
+    with files.working_folder() as own:
+        assert own.is_dir()
+        assert own.parent == tmp_path
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == folders.keys() - {f"potmesil_work_{ended.pid}_old"}
+
+
+def test_a_working_folder_goes_with_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    def interrupted() -> None:
+        with files.working_folder() as own:
+            (own / "render.exr").touch()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert not list(tmp_path.iterdir())
