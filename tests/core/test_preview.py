@@ -357,12 +357,17 @@ class Talk:
         self.seen: list[dict[str, Any]] = []
 
     def wait(self, done: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        until = time.monotonic() + 300.0
+        heard = time.monotonic()
+        until = heard + 300.0
         while time.monotonic() < until and self.process.poll() is None:
             for line in self.inbox.lines():
                 self.seen.append(json.loads(line))
                 if done(self.seen[-1]):
                     return self.seen[-1]
+            # A worker that hears nothing for a minute goes, and compiling takes longer on a busy machine.
+            if time.monotonic() > heard + 1.0:
+                heard = time.monotonic()
+                self.outbox.send()
             time.sleep(0.01)
         raise AssertionError(f"no such reply; it said {self.seen}")
 
