@@ -50,6 +50,9 @@ _BLADE_STEPS: Final = 32
 _LEAST_BLADE_TIME: Final = 1e-9
 """Share of the exposure below which blades open at once."""
 
+_LEAST_OPENING: Final = 1e-12
+"""Length of an opening, as a share of all of them, below which it is none."""
+
 _REPEATED: Final = re.compile(r"(\d+)x([^@]+)@(.+)")
 
 
@@ -612,8 +615,10 @@ def _check_curve(curve: Curve) -> None:
 
 def _check_openings(openings: Openings) -> None:
     last = 0.0
+    # Shorter ones are none: their blades would move faster than numbers can tell.
+    shortest = _LEAST_OPENING * max(1.0, openings[-1][1]) if openings else 0.0
     for begin, end in openings:
-        if not (math.isfinite(end) and last <= begin < end):
+        if not (math.isfinite(end) and last <= begin and end - begin >= shortest):
             raise SettingsError(
                 "Exposures must follow each other without overlap, each from its begin to a later end."
             )

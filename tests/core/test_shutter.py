@@ -20,6 +20,7 @@ from potmesil_addon.shutter import (
     SLIT_EDGES,
     Curve,
     Flash,
+    Openings,
     Shutter,
     ShutterAttributes,
     Slit,
@@ -505,3 +506,10 @@ def test_a_rotary_disc_exposes_each_row_for_its_angle(angle: float) -> None:
         begin, end = shutter.frame_times([0.0, 1.0], along)
         assert end - begin == pytest.approx(angle / 360.0)
         assert begin == pytest.approx(along * 40.0 / 360.0)
+
+
+@pytest.mark.parametrize("openings", [((0.0, 2.1e-321), (0.4, 0.6)), ((0.0, 1.0), (2.0, 1e300))])
+def test_openings_too_short_for_numbers_are_none(openings: Openings) -> None:
+    """Found by fuzzing: the blades' way over such a time was infinite."""
+    with pytest.raises(SettingsError, match="Exposures"):
+        Shutter(openings=openings, blade_time=0.1)
