@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from . import jit
 from .lens import FloatArray
-from .psf import PsfBuilder, TableAssignment
+from .psf import PsfBuilder, TableAssignment, tables_used
 from .samples import Float32Array
 from .scatter import NO_MARKS, Marks
 
@@ -93,8 +93,7 @@ def put_in_blocks(
     put = _put_together if compiled else _put_together_numpy
     mark = NO_MARKS if marks is None else marks
     put(color, weight, table, *mark, marks is not None, brightest, least_alpha, circles, begin, lowest)
-    # Sheet by sheet: numpy copies what it counts into numbers of twice the size.
-    is_used = sum(np.bincount(sheet.reshape(-1), minlength=circles.size) for sheet in table) > 0
+    is_used = tables_used(table, circles.size)
     compact = np.cumsum(is_used, dtype=np.int32) - np.int32(1)
     used = np.flatnonzero(is_used)
     side = 1 << np.searchsorted(begin, used, side="right")

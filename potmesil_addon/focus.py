@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,6 @@ from .errors import InputError, SettingsError
 from .fragments import (
     AROUND,
     Beyond,
-    Fragments,
     Views,
     carried_past_the_border,
     fragments_of,
@@ -38,14 +37,12 @@ from .psf import (
 from .pupil import circle_in_cells, shows_its_cut
 from .samples import Cryptomatte, Float32Array, SampleLayer, Samples, Window
 from .scatter import (
-    BEHIND,
-    PARTLY,
-    WHOLE,
     Backend,
     Marks,
     Masks,
     Scatter,
     cuts_between_cells,
+    put_in_groups,
     scatter,
     uses_numba,
 )
@@ -548,7 +545,7 @@ def _sources(band: _Band, builder: PsfBuilder, settings: FocusSettings, turn: in
     assignment, side = put_in_blocks(
         fragments.color,
         weight,
-        _assigned(builder, fragments, _focused_depth(fragments.depth, settings, samples, left, above)),
+        builder.assign(_focused_depth(fragments.depth, settings, samples, left, above), fragments.coverage),
         builder,
         brightest=brightest,
         least_alpha=_CLEAR,
@@ -567,19 +564,17 @@ def _sources(band: _Band, builder: PsfBuilder, settings: FocusSettings, turn: in
     fragments = fragments._replace(slope=nothing)
     radius_x = 0.5 * np.abs(assignment.circles) / pitch * cells.stretch_x
     # Of a small circle the parts are not told apart: it is only as much weaker as it is hidden.
-    small = (radius_x < _LEAST_MASKED)[assignment.table]
-    number = visible.number
-    number[small] = -1
-    group = np.where(visible.share == 1.0, np.uint8(WHOLE), np.uint8(PARTLY))
-    group[(group == PARTLY) & (fragments.radius > _IN_FOCUS)] = BEHIND
-    np.multiply(weight, visible.share, out=weight, where=number < 0)
+    is_small = radius_x < _LEAST_MASKED
+    group = put_in_groups(
+        visible.share, fragments.radius, _IN_FOCUS, assignment.table, is_small, visible.number, weight
+    )
     in_focus = (np.abs(fragments.radius[0]) <= _IN_FOCUS) & (fragments.coverage[0] == 1.0)
     spread = assignment.circles
     if settings.psf.kind == "disc" and samples.position == "center":
         spread = circles_for_filtered_samples(spread, pitch)
     tables = builder.pack(list(builder.tables(spread, side, cell)))
     masks = Masks(
-        number,
+        visible.number,
         group,
         visible.mask,
         cuts_between_cells(radius_x, tables.mirror),
@@ -596,21 +591,6 @@ def _views_of(layer: SampleLayer, samples: Samples, settings: FocusSettings) -> 
     colors = layer.color[np.newaxis] if len(views) == 1 else np.stack([view.color for view in views])
     radius = _radii(_focused_depth(depths, settings, samples), settings)
     return Views(colors, depths, radius, [view.cryptomatte for view in views])
-
-
-def _assigned(builder: PsfBuilder, fragments: Fragments, depths: Float32Array) -> TableAssignment:
-    """Choose the tables of all that a pinhole sees, and of those that are there behind it."""
-    behind = np.nonzero(fragments.coverage[1:] > 0.0)
-    chosen = builder.assign(np.concatenate([depths[0].reshape(-1), depths[1:][behind]]))
-
-    def in_sheets(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        sheets = np.zeros(depths.shape, dtype=values.dtype)
-        sheets[0] = values[: depths[0].size].reshape(depths[0].shape)
-        sheets[1:][behind] = values[depths[0].size :]
-        return sheets
-
-    fraction = None if chosen.fraction is None else in_sheets(chosen.fraction)
-    return TableAssignment(chosen.circles, in_sheets(chosen.table), fraction)
 
 
 def _focused_depth(

@@ -231,8 +231,8 @@ def fragments_of(
     place = np.flatnonzero(found.guessed[1])
     smooth = np.empty((place.size, 4), dtype=np.float32)
     for _ in range(_SMOOTHINGS):
-        _smooth(place, found.radius, found.coverage, found.color, smooth)
-        found.color[1].reshape(-1, 4)[place] = smooth
+        _smooth(False, place, found.radius, found.coverage, found.color, smooth)
+        _smooth(True, place, found.radius, found.coverage, found.color, smooth)
     return found
 
 
@@ -290,11 +290,11 @@ def _split_views(
     found.coverage[0] = 1.0
     own = color[0]
     if mixed:
+        own = own.copy()
         _split(
             color[0], depth[0], radius[0], edge, blended, shares, views > 1,
-            *found[:4], found.doubt, found.slope,
+            *found[:4], found.doubt, found.slope, own,
         )  # fmt: skip
-        own = _own_colors(color[0], radius[0], found)
     return found, own, jumps
 
 
@@ -416,17 +416,47 @@ def carried_past_the_border(
     Fragments
         The same with that many more rows and columns, the last ones again and again.
     """
-    inside = np.pad(np.ones(fragments[-1].shape, dtype=bool), beyond)
+    (above, below), (left, right) = beyond
+    if not (above or below or left or right):
+        return Fragments(*fragments)
+    rows, columns = fragments[-1].shape
+    shape = above + rows + below, left + columns + right
     padded: list[Float32Array] = []
     while fragments:
         values = fragments.pop(0)
-        # The last has no sheets.
-        widths = [(0, 0)] * (1 if fragments else 0) + list(beyond)
-        widths += [(0, 0)] * (values.ndim - len(widths))
-        padded.append(np.pad(values, widths, mode="edge") if any(map(any, beyond)) else values)
+        # The last has no sheets, and some have several numbers for each place.
+        numbers = values.shape[3:]
+        more = np.empty((*values.shape[: 1 if fragments else 0], *shape, *numbers), dtype=np.float32)
+        count = math.prod(numbers)
+        _carry_past(values.reshape(-1, rows, columns, count), above, left, more.reshape(-1, *shape, count))
+        padded.append(more)
     result = Fragments(*padded)
-    result.guessed[:, ~inside] = 1.0
+    guessed = result.guessed
+    for strip in (
+        guessed[:, :above], guessed[:, above + rows :], guessed[..., :left], guessed[..., left + columns :]
+    ):  # fmt: skip
+        strip[:] = 1.0
     return result
+
+
+@jit.kernel(parallel=True)
+def _carry_past(values: Any, above: int, left: int, more: Any) -> None:
+    """Copy sheets of values into larger ones, at `above` and `left`, and the outermost ones beyond."""
+    rows, columns = values.shape[1:3]
+    for number in jit.prange(more.shape[0] * more.shape[1]):
+        n: Any = np.int64(number)
+        sheet, row = n // more.shape[1], n % more.shape[1]
+        y = min(max(row - above, 0), rows - 1)
+        source, target = values[sheet, y].reshape(-1), more[sheet, row].reshape(-1)
+        count = values.shape[3]
+        for i in range(columns * count):
+            target[left * count + i] = source[i]
+        for x in range(left):
+            for c in range(count):
+                target[x * count + c] = source[c]
+        for x in range(left + columns, more.shape[2]):
+            for c in range(count):
+                target[x * count + c] = source[(columns - 1) * count + c]
 
 
 @jit.kernel(inline=True)
@@ -563,7 +593,10 @@ def _know_shares(ids: Any, coverage: Any, radius: Any, edge: Any, shares: Any) -
             if ids.shape[0] == 0:
                 continue
             if not edge[y, x]:
-                most, left = 0.0, 1.0
+                # Ranks fall: mostly the first one tells.
+                most, left = coverage[0, y, x], 1.0
+                if most >= 1.0 - _PURE:
+                    continue
                 for rank in range(ids.shape[0]):
                     most, left = max(most, coverage[rank, y, x]), left - coverage[rank, y, x]
                 if max(most, left) >= 1.0 - _PURE:
@@ -711,8 +744,11 @@ def _nearest_of(radius: Any, y: int, x: int, middle: float, near: bool) -> tuple
 def _split(
     color: Any, depth: Any, radius: Any, edge: Any, blended: Any, shares: Any, has_hidden: bool,
     out_color: Any, out_depth: Any, out_radius: Any, out_coverage: Any, out_doubt: Any, out_slope: Any,
+    own: Any,
 ) -> None:  # fmt: skip
     """Split the pixels at edges into their two surfaces, so that these add up to the pixel again.
+
+    `own` gets the colours of those surfaces that the depths tell.
 
     Where the share of the nearer one is not known, it follows from the pixel's colour and the clean colours
     beside the edge, or, where those do not differ enough to tell, from how many neighbours show it.
@@ -842,6 +878,7 @@ def _split(
                 elif c == 3 and far > 1.0:
                     near, far = (whole - 1.0 + share) / share, 1.0
                 out_color[0, y, x, c], out_color[1, y, x, c] = near, far
+                own[y, x, c] = near if here == out_radius[0, y, x] else far
             out_coverage[0, y, x] = share
             out_coverage[1, y, x] = 1.0
             if not rendered:
@@ -873,15 +910,6 @@ def _keep_hidden(radius: Any, coverage: Any) -> None:
                 if radius[view, y, x] - last > _LEAST_JUMP:
                     last = radius[view, y, x]
                     coverage[view, y, x] = 1.0
-
-
-def _own_colors(color: Float32Array, radius: Float32Array, found: Fragments) -> Float32Array:
-    """Return the colours of the surfaces that the depths tell, clean of the others."""
-    own = color.copy()
-    split = np.nonzero(found.coverage[0] < 1.0)
-    sheet = np.where(radius[split] == found.radius[0][split], 0, 1)
-    own[split] = found.color[(sheet, *split)]
-    return own
 
 
 @jit.kernel(parallel=True)
@@ -1087,12 +1115,19 @@ def _finish(weight: Any, radius: Any, color: Any, coverage: Any, guessed: Any, d
 
 
 @jit.kernel(parallel=True)
-def _smooth(place: Any, radius: Any, coverage: Any, color: Any, smooth: Any) -> None:
-    """Average what was carried on with its neighbours of the same surface, at the places given."""
+def _smooth(done: bool, place: Any, radius: Any, coverage: Any, color: Any, smooth: Any) -> None:
+    """Average what was carried on with its neighbours of the same surface, at the places given.
+
+    Once that is done for all of them, the colours are replaced.
+    """
     rows, columns = coverage.shape[1:]
     for number in jit.prange(place.size):
         k: Any = np.int64(number)
         y, x = place[k] // columns, place[k] % columns
+        if done:
+            for c in range(4):
+                color[1, y, x, c] = smooth[k, c]
+            continue
         total = 0.0
         r, g, b, a = 0.0, 0.0, 0.0, 0.0
         for v in range(max(0, y - 1), min(rows, y + 2)):

@@ -204,7 +204,7 @@ def depth_of_field_for_circle(lens: Lens, circle: float, model: CocModel = "cycl
         If `circle` is not positive, or the paper's lens is focused within its focal length.
     """
     _require_positive("Circle of confusion", circle)
-    scale = _coc_scale(lens, model)
+    scale = circle_scale(lens, model)
     # c(P) = s (1/D - 1/P) D for every model; solved for P at -circle and +circle.
     reach = circle / scale
     near = 1.0 / (1.0 / lens.focus_distance + reach)
@@ -243,7 +243,7 @@ def circle_of_confusion(depth: npt.ArrayLike, lens: Lens, model: CocModel = "cyc
         If the paper's lens is focused within its focal length.
     """
     p = np.asarray(depth, dtype=np.float64)
-    scale = _coc_scale(lens, model)
+    scale = circle_scale(lens, model)
     with np.errstate(divide="ignore", over="ignore"):
         return np.asarray(scale * (1.0 / lens.focus_distance - 1.0 / p))
 
@@ -269,8 +269,26 @@ def circle_of_confusion_at_infinity(lens: Lens, model: CocModel = "cycles") -> f
     return float(circle_of_confusion(math.inf, lens, model))
 
 
-def _coc_scale(lens: Lens, model: CocModel) -> float:
-    """Return s in metres squared so that c(P) = s (1/D - 1/P)."""
+def circle_scale(lens: Lens, model: CocModel) -> float:
+    """Return what circles of confusion scale with.
+
+    Parameters
+    ----------
+    lens : Lens
+        The focused lens.
+    model : {"cycles", "paper"}
+        How out-of-focus points are imaged.
+
+    Returns
+    -------
+    float
+        s in metres squared so that c(P) = s (1/D - 1/P); see `circle_of_confusion`.
+
+    Raises
+    ------
+    SettingsError
+        If the paper's lens is focused within its focal length.
+    """
     square = lens.focal_length * lens.aperture_diameter
     if model == "cycles":
         return square

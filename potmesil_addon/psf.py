@@ -32,8 +32,9 @@ from .aperture import (
 from .camera import Film
 from .diffraction import lommel_intensity
 from .errors import SettingsError
-from .lens import CocModel, FloatArray, Lens, circle_of_confusion, image_distance
+from .lens import CocModel, FloatArray, Lens, circle_of_confusion, circle_scale, image_distance
 from .pupil import PupilShape
+from .samples import Float32Array
 
 PsfKind = Literal["disc", "lommel"]
 """``disc`` is the aperture's geometrical image, evenly lit; ``lommel`` its diffraction pattern."""
@@ -52,8 +53,8 @@ MAX_TABLES: Final = 20_000
 
 _MAX_STEPS: Final = 1 << 24
 
-_AT_ONCE: Final = 1 << 20
-"""Samples whose circles are worked out at a time."""
+_FARTHEST_STEP: Final = float(1 << 30)
+"""Steps past which they are not counted on; that many are refused."""
 
 _LARGEST_CIRCLE: Final = 8192.0
 """Diameter in pixels past which a sample, spread ever thinner, counts as spread no wider."""
@@ -269,13 +270,17 @@ class PsfBuilder:
                 "choose the nearest table."
             )
 
-    def assign(self, depth: npt.NDArray[np.floating]) -> TableAssignment:
+    def assign(
+        self, depth: npt.NDArray[np.floating], coverage: Float32Array | None = None
+    ) -> TableAssignment:
         """Choose the tables for samples.
 
         Parameters
         ----------
         depth : ndarray of float
             Depths of the samples in metres, any shape, greater than 0; ``inf`` is valid.
+        coverage : ndarray of float32 of the same shape (sheets, rows, columns), optional
+            0 where there is no sample; such places get the table of the first sheet's.
 
         Returns
         -------
@@ -290,23 +295,17 @@ class PsfBuilder:
         settings = self.settings
         spacing = _EqualDepths if settings.tables == "equal-z" else _EqualCircles
         steps = spacing.create(self, depth)
-        position = steps.index(depth)
-        if settings.lookup == "nearest":
-            below = np.rint(position, out=position)
-            fraction = None
-        else:
-            below = np.floor(position)
-            fraction = (position - below).astype(np.float32)
-        first = int(below.min())
-        if below.max() - first > _MAX_STEPS:
+        fraction = None if settings.lookup == "nearest" else np.empty(depth.shape, dtype=np.float32)
+        index = np.empty(depth.shape, dtype=np.int32)
+        steps.count(depth, coverage, index, fraction)
+        first = int(index.min())
+        if int(index.max()) - first > _MAX_STEPS:
             raise SettingsError(
                 "The nearest and the farthest sample lie too many steps of tables apart; "
                 "use a larger step between them or tables at equal steps of the circle."
             )
-        below -= first
-        index = below.astype(np.int32)
-        del below, position
-        used = np.bincount(index.reshape(-1)) > 0
+        index -= np.int32(first)
+        used = tables_used(index, int(index.max()) + 1)
         if fraction is not None:
             used = np.append(used, False)
             used[1:] |= used[:-1].copy()
@@ -513,15 +512,75 @@ def _disc_stack(optics: _Optics, first: int) -> _DiscStack:
     return _DiscStack(stack, (rows, columns))
 
 
+def tables_used(table: npt.NDArray[np.int32], count: int) -> npt.NDArray[np.bool_]:
+    """Return which tables any samples have.
+
+    Parameters
+    ----------
+    table : ndarray of int32
+        Each sample's table, any shape.
+    count : int
+        Number of tables.
+
+    Returns
+    -------
+    ndarray of bool of shape (count,)
+        True for those that are used.
+    """
+    used = np.zeros(count, dtype=np.bool_)
+    if jit.HAVE_NUMBA:
+        _mark_used(table.reshape(-1), used)
+    else:
+        used[table] = True
+    return used
+
+
+@jit.kernel()
+def _mark_used(index: Any, used: Any) -> None:
+    """Mark which numbers there are; numpy's ways of counting take three times as long."""
+    for k in range(index.size):
+        used[np.uint64(index[k])] = True
+
+
 @jit.kernel(parallel=True)
-def _even_then_grown(circle: Any, even_until: float, step: float, position: Any) -> None:
-    """Count steps up to each circle, in pixels; a logarithm for few of them."""
-    for number in jit.prange(circle.size):
+def _count_steps(
+    depth: Any, coverage: Any, scale: float, per_focus_distance: float, pitch: float, even_until: float,
+    step: float, index: Any, fraction: Any,
+) -> None:  # fmt: skip
+    """Count steps up to the circle of each sample; a logarithm for few of them.
+
+    `depth` is flat, in rows of sheets. Without fractions it is the nearest step.
+    """
+    for number in jit.prange(depth.shape[1]):
         k: Any = np.int64(number)
-        size = min(abs(circle[k]), _LARGEST_CIRCLE)
-        if size > even_until:
-            size = even_until * (1.0 + math.log(size / even_until))
-        position[k] = math.copysign(size, circle[k]) / step
+        for sheet in range(depth.shape[0]):
+            if sheet > 0 and coverage[sheet, k] <= 0.0:
+                index[sheet, k] = index[0, k]
+                if fraction.size > 0:
+                    fraction[sheet, k] = fraction[0, k]
+                continue
+            p = float(depth[sheet, k])
+            circle = scale * (per_focus_distance - 1.0 / p) / pitch
+            size = min(abs(circle), _LARGEST_CIRCLE)
+            if size > even_until:
+                size = even_until * (1.0 + math.log(size / even_until))
+            position = min(max(math.copysign(size, circle) / step, -_FARTHEST_STEP), _FARTHEST_STEP)
+            if fraction.size == 0:
+                index[sheet, k] = np.int32(np.rint(position))
+            else:
+                below = math.floor(position)
+                index[sheet, k] = np.int32(below)
+                fraction[sheet, k] = position - below
+
+
+def _rounded_steps(position: FloatArray, index: npt.NDArray[np.int32], fraction: Float32Array | None) -> None:
+    """Split positions into whole steps and fractions, or round them."""
+    np.clip(position, -_FARTHEST_STEP, _FARTHEST_STEP, out=position)
+    if fraction is None:
+        index[:] = np.rint(position)
+        return
+    index[:] = np.floor(position)
+    fraction[:] = position - index
 
 
 @dataclass(frozen=True, slots=True)
@@ -544,21 +603,35 @@ class _EqualCircles:
         step = builder.settings.step or (0.25 if lommel else 0.125)
         return cls(builder.film.pitch_x, builder, step, even_until=max(16.0 if lommel else 32.0, 8.0 * step))
 
-    def index(self, depth: npt.NDArray[np.floating]) -> FloatArray:
-        position = np.empty(depth.shape)
-        flat, depths = position.reshape(-1), depth.reshape(-1)
-        # In parts: a large frame's circles in double precision would be the most memory of all.
-        for first in range(0, flat.size, _AT_ONCE):
-            part = slice(first, first + _AT_ONCE)
-            circle = circle_of_confusion(depths[part], self.builder.lens, self.builder.model) / self.scale
-            if jit.HAVE_NUMBA:
-                _even_then_grown(circle, self.even_until, self.step, flat[part])
-                continue
-            size = np.minimum(np.abs(circle), _LARGEST_CIRCLE)
-            with np.errstate(divide="ignore"):
-                grown = self.even_until * (1.0 + np.log(size / self.even_until))
-            flat[part] = np.sign(circle) * np.where(size <= self.even_until, size, grown) / self.step
-        return position
+    def count(
+        self,
+        depth: npt.NDArray[np.floating],
+        coverage: Float32Array | None,
+        index: npt.NDArray[np.int32],
+        fraction: Float32Array | None,
+    ) -> None:
+        lens, model = self.builder.lens, self.builder.model
+        if jit.HAVE_NUMBA:
+            sheets = depth.shape[0] if coverage is not None else 1
+            nothing = np.zeros((0, 0), dtype=np.float32)
+            _count_steps(
+                depth.reshape(sheets, -1),
+                nothing if coverage is None else coverage.reshape(sheets, -1),
+                circle_scale(lens, model),
+                1.0 / lens.focus_distance,
+                self.scale,
+                self.even_until,
+                self.step,
+                index.reshape(sheets, -1),
+                nothing if fraction is None else fraction.reshape(sheets, -1),
+            )
+            return
+        circle = circle_of_confusion(_there(depth, coverage), lens, model) / self.scale
+        size = np.minimum(np.abs(circle), _LARGEST_CIRCLE)
+        with np.errstate(divide="ignore"):
+            grown = self.even_until * (1.0 + np.log(size / self.even_until))
+        size = np.where(size <= self.even_until, size, grown)
+        _rounded_steps(np.sign(circle) * size / self.step, index, fraction)
 
     def circle(self, index: IntArray) -> FloatArray:
         size = np.abs(index) * self.step
@@ -587,16 +660,28 @@ class _EqualDepths:
         step = builder.settings.step or max((farthest - nearest) / 1000.0, 1e-6)
         return cls(builder, nearest, step, last=math.ceil((farthest - nearest) / step))
 
-    def index(self, depth: npt.NDArray[np.floating]) -> FloatArray:
-        depth = depth.astype(np.float64)
+    def count(
+        self,
+        depth: npt.NDArray[np.floating],
+        coverage: Float32Array | None,
+        index: npt.NDArray[np.int32],
+        fraction: Float32Array | None,
+    ) -> None:
+        depth = _there(depth, coverage).astype(np.float64)
         # One index is left free so that interpolation never reaches the table of infinity.
-        return np.where(np.isfinite(depth), (depth - self.nearest) / self.step, self.last + 2.0)
+        position = np.where(np.isfinite(depth), (depth - self.nearest) / self.step, self.last + 2.0)
+        _rounded_steps(position, index, fraction)
 
     def circle(self, index: IntArray) -> FloatArray:
         depth = np.where(index >= self.last + 2, math.inf, self.nearest + index * self.step)
         circle = circle_of_confusion(depth, self.builder.lens, self.builder.model)
         limit = _LARGEST_CIRCLE * self.builder.film.pitch_x
         return np.clip(circle, -limit, limit)
+
+
+def _there(depth: npt.NDArray[Any], coverage: Float32Array | None) -> npt.NDArray[Any]:
+    """Return depths with those of the first sheet where there is no sample."""
+    return depth if coverage is None else np.where(coverage > 0.0, depth, depth[:1])
 
 
 def circles_for_filtered_samples(circles: FloatArray, pitch: float) -> FloatArray:

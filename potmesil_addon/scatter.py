@@ -140,6 +140,57 @@ class Scatter:
     marks: Marks | None = None
 
 
+def put_in_groups(
+    share: Float32Array, radius: Float32Array, in_focus: float, table: npt.NDArray[np.int32],
+    is_small: npt.NDArray[np.bool_], number: npt.NDArray[np.int32], weight: Float32Array,
+) -> npt.NDArray[np.uint8]:  # fmt: skip
+    """Choose the sums in which samples count, and weaken in place those that spread over all of their table.
+
+    Parameters
+    ----------
+    share : ndarray of float32 of shape (sheets, rows, columns)
+        Share of the aperture that sees each sample.
+    radius : ndarray of float32 of shape (sheets, rows, columns)
+        Signed radii of circles of confusion in pixels.
+    in_focus : float
+        Largest radius of what is not behind the focus.
+    table : ndarray of int32 of shape (sheets, rows, columns)
+        Table of each sample.
+    is_small : ndarray of bool of shape (tables,)
+        Of which tables the parts are not told apart.
+    number : ndarray of int32 of shape (sheets, rows, columns)
+        See `Masks`; becomes -1 for samples with such a table.
+    weight : ndarray of float32 of shape (sheets, rows, columns)
+        See `Scatter`; becomes less where a sample that is hidden in parts has no mask.
+
+    Returns
+    -------
+    ndarray of uint8 of shape (sheets, rows, columns)
+        See `Masks`.
+    """
+    group = np.empty(share.shape, dtype=np.uint8)
+    _find_groups(share, radius, in_focus, table, is_small, number, weight, group)
+    return group
+
+
+@jit.kernel(parallel=True)
+def _find_groups(
+    share: Any, radius: Any, in_focus: float, table: Any, is_small: Any, number: Any, weight: Any, group: Any
+) -> None:
+    sheets, rows, columns = share.shape
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        for sheet in range(sheets):
+            for x in range(columns):
+                seen = share[sheet, y, x]
+                partly = BEHIND if radius[sheet, y, x] > in_focus else PARTLY
+                group[sheet, y, x] = WHOLE if seen == 1.0 else partly
+                if is_small[table[sheet, y, x]]:
+                    number[sheet, y, x] = -1
+                if number[sheet, y, x] < 0:
+                    weight[sheet, y, x] *= seen
+
+
 def cuts_between_cells(
     radius_x: npt.NDArray[np.float64], mirror: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.int32]:

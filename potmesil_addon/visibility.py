@@ -15,7 +15,6 @@ from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
 from . import jit
 from .aperture import polygon_vertices
@@ -324,10 +323,11 @@ def decide(
     partly = np.flatnonzero((seen > 0.0) & (seen < 1.0))
     mask = _masks(np.take(squares, partly, axis=1), behind.radius[partly], pinholes.span)
     if turn is None:
-        bright = np.flatnonzero(_shows_its_shape(fragments, hidden[partly], brightest))
+        bright = _that_show_their_shape(fragments, hidden[partly], brightest)
         if bright.size:
             which, pinholes = partly[bright], cells.pinholes(1)
-            before = _hiding(fragments, hidden[which], limit, cells.stretch, whole.top)
+            farthest = _farthest_of(hidden[which], limit)
+            before = _hiding(fragments, farthest, limit, cells.stretch, whole.top)
             squares = _squares_seen(before, _some(behind, which), pinholes, shape, whole, compiled)
             seen[which] = _shares(squares, cells.area, pinholes.span)
             mask[bright] = _masks(squares, behind.radius[which], pinholes.span)
@@ -350,13 +350,13 @@ def _seen_whole(shape: tuple[int, ...]) -> tuple[Float32Array, npt.NDArray[np.in
     return share, np.full(shape, -1, dtype=np.int32)
 
 
-def _shows_its_shape(
+def _that_show_their_shape(
     fragments: Fragments, which: npt.NDArray[np.int64], brightest: float
-) -> npt.NDArray[np.bool_]:
-    """Return which fragments are so bright and so blurred that one sees the shape of their circle."""
-    light = fragments.color.reshape(-1, 4)[which, :3].mean(axis=1)
-    large = np.abs(fragments.radius.reshape(-1)[which]) > LARGE
-    return np.asarray((light > brightest) & large)
+) -> npt.NDArray[np.int64]:
+    """Return which of fragments are so bright and so blurred that one sees the shape of their circle."""
+    large = np.flatnonzero(np.abs(fragments.radius.reshape(-1)[which]) > LARGE)
+    light = fragments.color.reshape(-1, 4)[which[large], :3].mean(axis=1)
+    return np.asarray(large[light > brightest])
 
 
 def brightness_of_lights(color: Float32Array) -> float:
@@ -372,10 +372,11 @@ def brightness_of_lights(color: Float32Array) -> float:
     float
         Four times its mean, but for light that is out of all proportion.
     """
-    light = color[..., :3]
-    if light.max(initial=0.0) > BRIGHT or light.min(initial=0.0) < -BRIGHT:
-        light = np.where(np.abs(light) > BRIGHT, np.float32(0.0), light)
-    return _BRIGHT * float(light.mean())
+    if color.max(initial=0.0) > BRIGHT or color.min(initial=0.0) < -BRIGHT:
+        color = np.where(np.abs(color) > BRIGHT, np.float32(0.0), color)
+    # Row is added to row, which takes a fraction of the time of adding along them.
+    light = color.sum(axis=0, dtype=np.float64)[:, :3]
+    return _BRIGHT * float(light.mean()) / max(len(color), 1)
 
 
 class _Points(NamedTuple):
@@ -483,40 +484,108 @@ def _to_decide(
     A surface of radius r hides one of R from a point of the aperture only if they are no farther apart than
     R - r: a cone stands over each, and only what it covers can matter.
     """
-    solid = fragments.coverage > 0.0
-    near = np.where(solid, fragments.radius, np.float32(np.inf)).min(axis=0)
-    # Along a surface without edges nothing is hidden, and what lies behind it is not seen.
-    away = ndimage.distance_transform_cdt(fragments.reach == 0.0, metric="chessboard")
-    lowest = _lowest_around(fragments.reach * np.float32(stretch), near)
-    may_be = solid
-    for sheet, radius in enumerate(fragments.radius):
-        may_be[sheet] &= away <= (radius - lowest) * np.float32(stretch) + np.float32(1.0)
-    del away, lowest
-    least = -_beside(_cones(-near * np.float32(stretch)))
-    may_be[0] &= limit[0] * np.float32(stretch) + np.float32(_WIDTHS) >= least
+    shape = fragments.reach.shape
+    tiles = tuple(-(-size // _TILE) for size in shape)
+    # One over the nearest of what is there, and one that tells how far away edges are.
+    cones = np.empty((2, *shape), dtype=np.float32)
+    reach, nearest = np.empty((2, *tiles), dtype=np.float32)
+    around = np.float32(stretch)
+    _look_around(fragments.coverage, fragments.radius, fragments.reach, around, cones, reach, nearest)
+    lowest = np.full(tiles, np.float32(np.inf))
+    _spread_tiles(reach, nearest, lowest)
+    _let_fall(cones)
+    may_be = np.empty(limit.shape, dtype=np.bool_)
+    farthest = np.empty(shape, dtype=np.float32)
+    _mark_hidden(fragments.coverage, fragments.radius, limit, around, cones, lowest, may_be, farthest)
     hidden = np.flatnonzero(may_be)
-    return hidden, _hiding(fragments, hidden, limit, stretch, top)
+    del may_be, cones
+    return hidden, _hiding(fragments, farthest, limit, stretch, top)
+
+
+def _farthest_of(hidden: npt.NDArray[np.int64], limit: Float32Array) -> Float32Array:
+    """Return for each pixel the largest limit of the fragments given; ``-inf`` where there is none."""
+    farthest = np.full(limit.shape[1:], np.float32(-np.inf))
+    flat, limits = farthest.reshape(-1), limit.reshape(-1)
+    # Views of one pixel come one after the other.
+    for first, last in itertools.pairwise(np.searchsorted(hidden, np.arange(len(limit) + 1) * flat.size)):
+        place = hidden[first:last] % flat.size
+        flat[place] = np.maximum(flat[place], limits[hidden[first:last]])
+    return farthest
 
 
 def _hiding(
-    fragments: Fragments, hidden: npt.NDArray[np.int64], limit: Float32Array, stretch: float, top: int
+    fragments: Fragments, farthest: Float32Array, limit: Float32Array, stretch: float, top: int
 ) -> _Points:
-    """Return the fragments that may hide some of those given, alike ones in squares."""
-    farthest = np.full(limit.shape[1:], np.float32(-np.inf))
-    # Views of one pixel come one after the other.
-    for first, last in itertools.pairwise(np.searchsorted(hidden, np.arange(len(limit) + 1) * farthest.size)):
-        place = hidden[first:last] % farthest.size
-        flat = farthest.reshape(-1)
-        flat[place] = np.maximum(flat[place], limit.reshape(-1)[hidden[first:last]])
-    most = _beside(_cones(farthest * np.float32(stretch)))
-    most += np.float32(_WIDTHS)
-    most /= np.float32(stretch)
-    before = fragments.coverage > 0.0
-    for sheet, radius in enumerate(fragments.radius):
-        before[sheet] &= (radius <= most) | (radius < farthest)
-    side = before.view(np.uint8)
+    """Return the fragments that may hide those with the largest limits given, alike ones in squares."""
+    cones = farthest[np.newaxis] * np.float32(stretch)
+    _let_fall(cones)
+    side = np.empty(limit.shape, dtype=np.uint8)
+    _mark_hiding(fragments.coverage, fragments.radius, farthest, np.float32(stretch), cones, side)
+    del cones
     _put_in_squares(fragments.radius, fragments.coverage, side)
-    return _taken(fragments, np.flatnonzero(side), limit, side, top)
+    return _taken(fragments, np.flatnonzero(side != 0), limit, side, top)
+
+
+@jit.kernel(parallel=True)
+def _look_around(
+    coverage: Any, radius: Any, reach: Any, stretch: Any, cones: Any, reach_of_tiles: Any, nearest: Any
+) -> None:
+    """Find peaks of cones over what is nearest and over edges, and how far those are felt in each tile."""
+    sheets, rows, columns = radius.shape
+    for number in jit.prange(nearest.shape[0]):
+        v: Any = np.int64(number)
+        for u in range(nearest.shape[1]):
+            felt, lowest = np.float32(0.0), np.float32(np.inf)
+            for y in range(v * _TILE, min((v + 1) * _TILE, rows)):
+                for x in range(u * _TILE, min((u + 1) * _TILE, columns)):
+                    near = np.float32(np.inf)
+                    for sheet in range(sheets):
+                        if coverage[sheet, y, x] > 0.0:
+                            near = min(near, radius[sheet, y, x])
+                    cones[0, y, x] = -near * stretch
+                    cones[1, y, x] = -np.float32(np.inf) if reach[y, x] == 0.0 else np.float32(0.0)
+                    felt, lowest = max(felt, reach[y, x] * stretch), min(lowest, near)
+            reach_of_tiles[v, u], nearest[v, u] = felt, lowest
+
+
+@jit.kernel(parallel=True)
+def _mark_hidden(
+    coverage: Any, radius: Any, limit: Any, stretch: Any, cones: Any, lowest: Any, may_be: Any, farthest: Any
+) -> None:
+    """Mark what something may hide in parts, and find for each pixel the largest limit of that.
+
+    Along a surface without edges nothing is hidden, and what lies behind it is not seen.
+    """
+    sheets, rows, columns = radius.shape
+    one, widths = np.float32(1.0), np.float32(_WIDTHS)
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        for x in range(columns):
+            least_around, away = lowest[y // _TILE, x // _TILE], -cones[1, y, x]
+            most = np.float32(-np.inf)
+            for sheet in range(sheets):
+                found = coverage[sheet, y, x] > 0.0
+                found &= away <= (radius[sheet, y, x] - least_around) * stretch + one
+                if found and sheet == 0:
+                    found = limit[0, y, x] * stretch + widths >= -_highest_beside(cones[0], y, x)
+                may_be[sheet, y, x] = found
+                if found:
+                    most = max(most, limit[sheet, y, x])
+            farthest[y, x] = most
+
+
+@jit.kernel(parallel=True)
+def _mark_hiding(coverage: Any, radius: Any, farthest: Any, stretch: Any, cones: Any, side: Any) -> None:
+    """Mark what may hide something, as squares of one pixel."""
+    sheets, rows, columns = radius.shape
+    widths = np.float32(_WIDTHS)
+    for row in jit.prange(rows):
+        y: Any = np.int64(row)
+        for x in range(columns):
+            most = (_highest_beside(cones[0], y, x) + widths) / stretch
+            for sheet in range(sheets):
+                before = radius[sheet, y, x] <= most or radius[sheet, y, x] < farthest[y, x]
+                side[sheet, y, x] = 1 if before and coverage[sheet, y, x] > 0.0 else 0
 
 
 @jit.kernel(parallel=True)
@@ -543,14 +612,16 @@ def _put_in_squares(radius: Any, coverage: Any, side: Any) -> None:
             h *= 2
 
 
-def _cones(peaks: Float32Array) -> Float32Array:
-    """Return how high the highest cone is over each pixel, in place of their peaks.
+@jit.kernel(parallel=True)
+def _let_fall(cones: Any) -> None:
+    """Turn peaks, in place, into how high the highest cone is over each pixel.
 
     They fall by 1 for each pixel.
     """
-    _fall(peaks)
-    _fall(peaks[::-1, ::-1])
-    return peaks
+    for number in jit.prange(cones.shape[0]):
+        n: Any = np.int64(number)
+        _fall(cones[n])
+        _fall(cones[n, ::-1, ::-1])
 
 
 @jit.kernel()
@@ -573,44 +644,20 @@ def _fall(heights: Any) -> None:
             heights[y, x] = before
 
 
-def _beside(heights: Float32Array) -> Float32Array:
+@jit.kernel(inline=True)
+def _highest_beside(heights: Any, y: int, x: int) -> Any:
     """Return how high the cones that stand over other pixels are."""
-    highest = np.empty_like(heights)
-    _find_beside(heights, highest)
-    return highest
-
-
-@jit.kernel(parallel=True)
-def _find_beside(heights: Any, highest: Any) -> None:
     rows, columns = heights.shape
-    for row in jit.prange(rows):
-        y: Any = np.int64(row)
-        for x in range(columns):
-            found = np.float32(-np.inf)
-            for v in range(max(0, y - 1), min(rows, y + 2)):
-                for u in range(max(0, x - 1), min(columns, x + 2)):
-                    if v != y or u != x:
-                        found = max(found, heights[v, u])
-            highest[y, x] = found - np.float32(1.0)
-
-
-def _lowest_around(reach: Float32Array, radius: Float32Array) -> Float32Array:
-    """Return the least radius near each pixel, as far as edges there are felt; ``inf`` where none is."""
-    rows, columns = reach.shape
-    down, across = -(-rows // _TILE), -(-columns // _TILE)
-    tiles = np.full((down, across), np.float32(np.inf))
-    _spread_tiles(
-        _in_tiles(reach, 0.0, down, across).max(axis=(1, 3)),
-        _in_tiles(radius, np.inf, down, across).min(axis=(1, 3)),
-        tiles,
-    )
-    return np.repeat(np.repeat(tiles, _TILE, axis=0), _TILE, axis=1)[:rows, :columns]
-
-
-def _in_tiles(values: Float32Array, beyond: float, down: int, across: int) -> Float32Array:
-    padded = np.full((down * _TILE, across * _TILE), np.float32(beyond))
-    padded[: values.shape[0], : values.shape[1]] = values
-    return padded.reshape(down, _TILE, across, _TILE)
+    if 0 < y < rows - 1 and 0 < x < columns - 1:
+        above = max(heights[y - 1, x - 1], heights[y - 1, x], heights[y - 1, x + 1])
+        below = max(heights[y + 1, x - 1], heights[y + 1, x], heights[y + 1, x + 1])
+        return max(above, below, heights[y, x - 1], heights[y, x + 1]) - np.float32(1.0)
+    found = np.float32(-np.inf)
+    for v in range(max(0, y - 1), min(rows, y + 2)):
+        for u in range(max(0, x - 1), min(columns, x + 2)):
+            if v != y or u != x:
+                found = max(found, heights[v, u])
+    return found - np.float32(1.0)
 
 
 @jit.kernel()
