@@ -418,7 +418,9 @@ def carried_past_the_border(
     """
     (above, below), (left, right) = beyond
     if not (above or below or left or right):
-        return Fragments(*fragments)
+        result = Fragments(*fragments)
+        fragments.clear()
+        return result
     rows, columns = fragments[-1].shape
     shape = above + rows + below, left + columns + right
     padded: list[Float32Array] = []
