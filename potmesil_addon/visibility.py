@@ -516,14 +516,18 @@ def _farthest_of(hidden: npt.NDArray[np.int64], limit: Float32Array) -> Float32A
 def _hiding(
     fragments: Fragments, farthest: Float32Array, limit: Float32Array, stretch: float, top: int
 ) -> _Points:
-    """Return the fragments that may hide those with the largest limits given, alike ones in squares."""
+    """Return the fragments that may hide those with the largest limits given, alike ones in squares.
+
+    Those of one pixel come before the squares.
+    """
     cones = farthest[np.newaxis] * np.float32(stretch)
     _let_fall(cones)
     side = np.empty(limit.shape, dtype=np.uint8)
     _mark_hiding(fragments.coverage, fragments.radius, farthest, np.float32(stretch), cones, side)
     del cones
     _put_in_squares(fragments.radius, fragments.coverage, side)
-    return _taken(fragments, np.flatnonzero(side != 0), limit, side, top)
+    which = np.flatnonzero(side)
+    return _taken(fragments, which[np.argsort(side.reshape(-1)[which] > 1, kind="stable")], limit, side, top)
 
 
 @jit.kernel(parallel=True)
@@ -684,7 +688,8 @@ def _squares_seen(
     squares = np.zeros((pinholes.used.shape[0], hidden.radius.size), dtype=np.uint16)
     if compiled:
         farther = np.float32(whole.highest - whole.lowest + 2.0 * _RISE)
-        _look(hiding, hidden, pinholes, whole.top, shape[0], shape[1], squares, farther)
+        squares_from = int(np.searchsorted(hiding.side, 1.0, side="right"))
+        _look(hiding, squares_from, hidden, pinholes, whole.top, shape[0], shape[1], squares, farther)
     else:
         _look_numpy(hiding, hidden, pinholes, whole.top, shape[0], shape[1], squares)
     return squares
@@ -692,8 +697,8 @@ def _squares_seen(
 
 @jit.kernel(parallel=True)
 def _look(
-    hiding: _Points, hidden: _Points, pinholes: Pinholes, top: int, rows: int, columns: int, squares: Any,
-    farther: Any,
+    hiding: _Points, squares_from: int, hidden: _Points, pinholes: Pinholes, top: int, rows: int,
+    columns: int, squares: Any, farther: Any,
 ) -> None:  # fmt: skip
     """Draw fragments through each point of the aperture, and note which of those behind are seen.
 
@@ -712,7 +717,7 @@ def _look(
             nearer = np.float32(-column) * farther
             ax, ay = np.float32(pinholes.x[row, column]), np.float32(pinholes.y[row, column])
             dither = np.float32(_dither(row, column))
-            _draw(hiding, ax, ay, dither, nearer, nearest, top, rows, columns, place)
+            _draw(hiding, squares_from, ax, ay, dither, nearer, nearest, top, rows, columns, place)
             nearest[rows * columns] = np.float32(np.inf)
             bit = np.uint16(1 << column)
             _test(hidden, ax, ay, nearer, nearest, top, rows, columns, squares, row, bit, place)
@@ -726,28 +731,26 @@ def _dither(row: Any, column: Any) -> Any:
 
 @jit.kernel()
 def _draw(
-    points: _Points, ax: Any, ay: Any, dither: Any, nearer: Any, nearest: Any, top: int, rows: int,
-    columns: int, place: Any,
+    points: _Points, squares_from: int, ax: Any, ay: Any, dither: Any, nearer: Any, nearest: Any, top: int,
+    rows: int, columns: int, place: Any,
 ) -> None:  # fmt: skip
     """Draw fragments through a point of the aperture, each as large as its surface looks from there.
 
-    Almost always that is one pixel: surfaces hardly grow or shrink from one point of the aperture to another.
+    Of those before `squares_from`, which have one pixel, that is almost always one: surfaces hardly grow or
+    shrink from one point of the aperture to another.
     """
     half, one = np.float32(0.5), np.float32(1.0)
-    x, y, side, radius, level = points.x, points.y, points.side, points.radius, points.level
+    x, y, radius, level = points.x, points.y, points.radius, points.level
     slope_x, slope_y, coverage = points.slope_x, points.slope_y, points.coverage
     end_x, end_y, first_y = np.int32(columns), np.int32(rows), np.int32(top)
     outside = np.uint32(rows * columns)
-    for first in range(0, radius.size, _CHUNK):
-        count = min(_CHUNK, radius.size - first)
+    for first in range(0, squares_from, _CHUNK):
+        count = min(_CHUNK, squares_from - first)
         # Without branches and in 32 bits, which the compiler turns into instructions for many at once.
         for i in range(count):
             k = first + i
             at_x, at_y = x[k] + radius[k] * ax, y[k] + radius[k] * ay
-            half_x, half_y = (
-                half * side[k] * (one + slope_x[k] * ax),
-                half * side[k] * (one + slope_y[k] * ay),
-            )
+            half_x, half_y = half * (one + slope_x[k] * ax), half * (one + slope_y[k] * ay)
             u, v = np.int32(np.ceil(at_x - half_x)), np.int32(np.ceil(at_y - half_y))
             across, down = np.int32(np.ceil(at_x + half_x)) - u, np.int32(np.ceil(at_y + half_y)) - v
             v -= first_y
@@ -758,21 +761,50 @@ def _draw(
             place[i] = (np.uint32(v * end_x + u) if inside else outside) if there & single else outside
             place[i] += np.uint32(1) if there & (not single) else np.uint32(0)
         for i in range(count):
-            k = first + i
             if place[i] <= outside:
-                nearest[place[i]] = min(nearest[place[i]], radius[k] + nearer)
-                continue
-            at_x, at_y = x[k] + radius[k] * ax, y[k] + radius[k] * ay
-            half_x, half_y = (
-                half * side[k] * (one + slope_x[k] * ax),
-                half * side[k] * (one + slope_y[k] * ay),
-            )
-            u, v = math.ceil(at_x - half_x), math.ceil(at_y - half_y) - top
-            u_end, v_end = math.ceil(at_x + half_x), math.ceil(at_y + half_y) - top
-            at = radius[k] + nearer
-            for q in range(max(v, 0), min(v_end, rows)):
-                for p in range(max(u, 0), min(u_end, columns)):
-                    nearest[q * columns + p] = min(nearest[q * columns + p], at)
+                nearest[place[i]] = min(nearest[place[i]], radius[first + i] + nearer)
+            else:
+                _draw_square(points, first + i, ax, ay, nearer, nearest, top, rows, columns)
+    # All of a square is covered.
+    for k in range(squares_from, radius.size):
+        _draw_square(points, k, ax, ay, nearer, nearest, top, rows, columns)
+
+
+@jit.kernel(inline=True)
+def _draw_square(
+    points: _Points, k: int, ax: Any, ay: Any, nearer: Any, nearest: Any, top: int, rows: int, columns: int
+) -> None:
+    """Draw a fragment that looks larger than a pixel."""
+    half, one = np.float32(0.5), np.float32(1.0)
+    at_x, at_y = points.x[k] + points.radius[k] * ax, points.y[k] + points.radius[k] * ay
+    half_x = half * points.side[k] * (one + points.slope_x[k] * ax)
+    half_y = half * points.side[k] * (one + points.slope_y[k] * ay)
+    left, right = max(math.ceil(at_x - half_x), 0), min(math.ceil(at_x + half_x), columns)
+    first, last = max(math.ceil(at_y - half_y) - top, 0), min(math.ceil(at_y + half_y) - top, rows)
+    at = points.radius[k] + nearer
+    across = right - left
+    # As many at once as the compiler knows of; some are lowered twice.
+    if across >= 8:
+        for row in range(first, last):
+            for begin in range(left, right - 8, 8):
+                _lower(nearest, row * columns + begin, 8, at)
+            _lower(nearest, row * columns + right - 8, 8, at)
+    elif across >= 4:
+        for row in range(first, last):
+            _lower(nearest, row * columns + left, 4, at)
+            _lower(nearest, row * columns + right - 4, 4, at)
+    else:
+        for row in range(first, last):
+            for column in range(left, right):
+                _lower(nearest, row * columns + column, 1, at)
+
+
+@jit.kernel(inline=True)
+def _lower(nearest: Any, place: int, count: int, at: Any) -> None:
+    """Let nothing be farther than `at` in pixels of a row."""
+    begin: Any = np.uint64(place)
+    for n in range(count):
+        nearest[begin + np.uint64(n)] = min(nearest[begin + np.uint64(n)], at)
 
 
 @jit.kernel()
