@@ -688,8 +688,8 @@ def _squares_seen(
     squares = np.zeros((pinholes.used.shape[0], hidden.radius.size), dtype=np.uint16)
     if compiled:
         farther = np.float32(whole.highest - whole.lowest + 2.0 * _RISE)
-        squares_from = int(np.searchsorted(hiding.side, 1.0, side="right"))
-        _look(hiding, squares_from, hidden, pinholes, whole.top, shape[0], shape[1], squares, farther)
+        singles = int(np.searchsorted(hiding.side, 1.0, side="right"))
+        _look(hiding, singles, hidden, pinholes, whole.top, shape[0], shape[1], squares, farther)
     else:
         _look_numpy(hiding, hidden, pinholes, whole.top, shape[0], shape[1], squares)
     return squares
@@ -697,7 +697,7 @@ def _squares_seen(
 
 @jit.kernel(parallel=True)
 def _look(
-    hiding: _Points, squares_from: int, hidden: _Points, pinholes: Pinholes, top: int, rows: int,
+    hiding: _Points, singles: int, hidden: _Points, pinholes: Pinholes, top: int, rows: int,
     columns: int, squares: Any, farther: Any,
 ) -> None:  # fmt: skip
     """Draw fragments through each point of the aperture, and note which of those behind are seen.
@@ -717,7 +717,7 @@ def _look(
             nearer = np.float32(-column) * farther
             ax, ay = np.float32(pinholes.x[row, column]), np.float32(pinholes.y[row, column])
             dither = np.float32(_dither(row, column))
-            _draw(hiding, squares_from, ax, ay, dither, nearer, nearest, top, rows, columns, place)
+            _draw(hiding, singles, ax, ay, dither, nearer, nearest, top, rows, columns, place)
             nearest[rows * columns] = np.float32(np.inf)
             bit = np.uint16(1 << column)
             _test(hidden, ax, ay, nearer, nearest, top, rows, columns, squares, row, bit, place)
@@ -731,21 +731,21 @@ def _dither(row: Any, column: Any) -> Any:
 
 @jit.kernel()
 def _draw(
-    points: _Points, squares_from: int, ax: Any, ay: Any, dither: Any, nearer: Any, nearest: Any, top: int,
+    points: _Points, singles: int, ax: Any, ay: Any, dither: Any, nearer: Any, nearest: Any, top: int,
     rows: int, columns: int, place: Any,
 ) -> None:  # fmt: skip
     """Draw fragments through a point of the aperture, each as large as its surface looks from there.
 
-    Of those before `squares_from`, which have one pixel, that is almost always one: surfaces hardly grow or
-    shrink from one point of the aperture to another.
+    The first `singles` have one pixel, and almost always look like one: surfaces hardly grow or shrink from
+    one point of the aperture to another.
     """
     half, one = np.float32(0.5), np.float32(1.0)
     x, y, radius, level = points.x, points.y, points.radius, points.level
     slope_x, slope_y, coverage = points.slope_x, points.slope_y, points.coverage
     end_x, end_y, first_y = np.int32(columns), np.int32(rows), np.int32(top)
     outside = np.uint32(rows * columns)
-    for first in range(0, squares_from, _CHUNK):
-        count = min(_CHUNK, squares_from - first)
+    for first in range(0, singles, _CHUNK):
+        count = min(_CHUNK, singles - first)
         # Without branches and in 32 bits, which the compiler turns into instructions for many at once.
         for i in range(count):
             k = first + i
@@ -766,7 +766,7 @@ def _draw(
             else:
                 _draw_square(points, first + i, ax, ay, nearer, nearest, top, rows, columns)
     # All of a square is covered.
-    for k in range(squares_from, radius.size):
+    for k in range(singles, radius.size):
         _draw_square(points, k, ax, ay, nearer, nearest, top, rows, columns)
 
 
