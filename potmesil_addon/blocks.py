@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from . import jit
 from .lens import FloatArray
-from .psf import PsfBuilder, TableAssignment, tables_used
+from .psf import PsfBuilder, TableAssignment, renumber, tables_used
 from .samples import Float32Array
 from .scatter import NO_MARKS, Marks
 
@@ -97,8 +97,7 @@ def put_in_blocks(
     compact = np.cumsum(is_used, dtype=np.int32) - np.int32(1)
     used = np.flatnonzero(is_used)
     side = 1 << np.searchsorted(begin, used, side="right")
-    for sheet in table:
-        sheet[:] = compact[sheet]
+    renumber(table, compact)
     return TableAssignment(circles[used] * pitch, table, None), side
 
 
@@ -123,7 +122,8 @@ def _put_together(
     strips = (rows + largest - 1) // largest
     for strip in jit.prange(sheets * strips):
         s: Any = np.int64(strip)
-        sheet, top = s // strips, s % strips * largest
+        # A thread takes numbers that follow each other: each gets strips of all sheets.
+        sheet, top = s % sheets, s // sheets * largest
         bottom = min(top + largest, rows)
         c, w, t = color[sheet], weight[sheet], table[sheet]
         for level in range(1, _LEVELS + 1):

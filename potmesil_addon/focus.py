@@ -556,7 +556,8 @@ def _sources(band: _Band, builder: PsfBuilder, settings: FocusSettings, turn: in
     # Nothing from here on asks for depths, nor for slopes once it is decided what is hidden.
     nothing = np.zeros((0, 0, 0), dtype=np.float32)
     fragments = fragments._replace(depth=nothing)
-    of_block = np.where(weight > 0.0, side.astype(np.uint8)[assignment.table], np.uint8(0))
+    of_block = side.astype(np.uint8)[assignment.table]
+    of_block *= weight > 0.0
     whole = band.whole or Whole(0, *radii, is_part=False)
     visible = decide(
         fragments, cells, turn, brightest=brightest, side=of_block, whole=whole, compiled=compiled

@@ -39,6 +39,9 @@ _STEEPER: Final = 3.0
 _WINDOW: Final = 2
 """Pixels around an edge, each way, in which the clean colours of its two surfaces are looked for."""
 
+_SPACING: Final = 16
+"""Rows between those that a thread works on one after the other."""
+
 _LAMP: Final = 8.0
 """How many times as bright as those around a pixel is that is a highlight and no texture."""
 
@@ -228,7 +231,7 @@ def fragments_of(
         beyond.down.copy(), beyond.up.copy(),
     )  # fmt: skip
     _finish(weight, found.radius, found.color, found.coverage, found.guessed, found.doubt)
-    place = np.flatnonzero(found.guessed[1])
+    place = np.flatnonzero(found.guessed[1] != 0.0)
     smooth = np.empty((place.size, 4), dtype=np.float32)
     for _ in range(_SMOOTHINGS):
         _smooth(False, place, found.radius, found.coverage, found.color, smooth)
@@ -290,7 +293,7 @@ def _split_views(
     found.coverage[0] = 1.0
     own = color[0]
     if mixed:
-        own = own.copy()
+        own = np.empty_like(own)
         _split(
             color[0], depth[0], radius[0], edge, blended, shares, views > 1,
             *found[:4], found.doubt, found.slope, own,
@@ -581,6 +584,17 @@ def _side_of(ids: Any, coverage: Any, radius: Any, y: int, x: int, middle: float
     return 0 if near == far else (-1 if near > far else 1)
 
 
+@jit.kernel(inline=True)
+def _row_from_all_over(number: Any, rows: int) -> Any:
+    """Return the rows in an order in which any thread, which takes neighbours in it, gets some from all over.
+
+    Where the edges are in a picture is where the work is. Some numbers give no row of the picture.
+    """
+    n: Any = np.int64(number)
+    each = (rows + _SPACING - 1) // _SPACING
+    return n % each * _SPACING + n // each
+
+
 @jit.kernel(parallel=True)
 def _know_shares(ids: Any, coverage: Any, radius: Any, edge: Any, shares: Any) -> None:
     """Find from coverages the nearer surface's share of each pixel at an edge, where they tell.
@@ -588,9 +602,9 @@ def _know_shares(ids: Any, coverage: Any, radius: Any, edge: Any, shares: Any) -
     Also near an edge, where something thin may cover a part of a pixel and no depth beside it tells so.
     """
     rows, columns = radius.shape
-    for row in jit.prange(rows):
-        y: Any = np.int64(row)
-        for x in range(columns):
+    for number in jit.prange((rows + _SPACING - 1) // _SPACING * _SPACING):
+        y = _row_from_all_over(number, rows)
+        for x in range(columns if y < rows else 0):
             shares[y, x] = _NO_SHARE
             if ids.shape[0] == 0:
                 continue
@@ -750,16 +764,18 @@ def _split(
 ) -> None:  # fmt: skip
     """Split the pixels at edges into their two surfaces, so that these add up to the pixel again.
 
-    `own` gets the colours of those surfaces that the depths tell.
+    `own` gets the colours of those surfaces that the depths tell; of pixels in one piece, the pixels'.
 
     Where the share of the nearer one is not known, it follows from the pixel's colour and the clean colours
     beside the edge, or, where those do not differ enough to tell, from how many neighbours show it.
     """
     rows, columns = radius.shape
-    for row in jit.prange(rows):
-        y: Any = np.int64(row)
+    for number in jit.prange((rows + _SPACING - 1) // _SPACING * _SPACING):
+        y = _row_from_all_over(number, rows)
         front, back = np.empty(4), np.empty(4)
-        for x in range(columns):
+        for x in range(columns if y < rows else 0):
+            for c in range(4):
+                own[y, x, c] = color[y, x, c]
             if not edge[y, x]:
                 continue
             here = radius[y, x]

@@ -317,7 +317,8 @@ class PsfBuilder:
             )
         compact = np.zeros(used.size, dtype=np.int32)
         compact[values] = np.arange(values.size)
-        return TableAssignment(circles=steps.circle(values + first), table=compact[index], fraction=fraction)
+        renumber(index, compact)
+        return TableAssignment(circles=steps.circle(values + first), table=index, fraction=fraction)
 
     def tables(
         self, circles: FloatArray, side: IntArray | None = None, cell: IntArray | None = None
@@ -540,6 +541,29 @@ def _mark_used(index: Any, used: Any) -> None:
     """Mark which numbers there are; numpy's ways of counting take three times as long."""
     for k in range(index.size):
         used[np.uint64(index[k])] = True
+
+
+def renumber(table: npt.NDArray[np.int32], number: npt.NDArray[np.int32]) -> None:
+    """Give tables other numbers, in place.
+
+    Parameters
+    ----------
+    table : ndarray of int32
+        Each sample's table, any shape, C-contiguous.
+    number : ndarray of int32 of shape (count,)
+        The number that each table is to have.
+    """
+    if jit.HAVE_NUMBA:
+        _renumber(table.reshape(-1), number)
+    else:
+        table[:] = number[table]
+
+
+@jit.kernel()
+def _renumber(index: Any, number: Any) -> None:
+    """Look up each number; numpy would first make all of them twice as large."""
+    for k in range(index.size):
+        index[k] = number[np.uint64(index[k])]
 
 
 @jit.kernel(parallel=True)

@@ -22,6 +22,9 @@ Float32Array = npt.NDArray[np.float32]
 BRIGHTEST: Final = 1e36
 """Light past which a colour counts as this much, so that sums of some stay in single precision's range."""
 
+_AT_ONCE: Final = 1 << 18
+"""Values that are looked at before the next ones are."""
+
 BRIGHT: Final = float(1 << 30)
 """Light past which a sample tells nothing of those around it, and rounding in its sums would show there."""
 
@@ -343,13 +346,33 @@ def mended(samples: Samples) -> Samples:
     return replace(samples, layers=layers, repaired=counts)
 
 
+def is_within(values: Float32Array, limit: float) -> bool:
+    """Return whether no value is farther from 0 than a limit, nor NaN.
+
+    Parameters
+    ----------
+    values : ndarray of float32
+        Of any shape.
+    limit : float
+        Limit, 0 or more.
+
+    Returns
+    -------
+    bool
+        True where there are no values.
+    """
+    flat = values.reshape(-1)
+    # So few at once that the second look finds them in a cache. NaN is in no range.
+    parts = (flat[first : first + _AT_ONCE] for first in range(0, flat.size, _AT_ONCE))
+    return all(bool(part.max() <= limit and part.min() >= -limit) for part in parts)
+
+
 def _mended(layer: SampleLayer, counts: dict[str, int]) -> SampleLayer:
     """Return a layer, with all that belongs to it, that can be calculated with; itself where it can be."""
     changed: dict[str, Any] = {}
     for name in ("color", "vector"):
         values = getattr(layer, name)
-        # NaN is in no range.
-        if values is None or values.size == 0 or (values.max() <= BRIGHTEST and values.min() >= -BRIGHTEST):
+        if values is None or is_within(values, BRIGHTEST):
             continue
         values = values.copy()
         count_repaired(counts, name, repair(values, np.asarray(~np.isfinite(values).all(axis=2))))

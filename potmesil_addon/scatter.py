@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from . import jit
 from .psf import PackedTables, TableAssignment
-from .samples import BRIGHT, Float32Array
+from .samples import BRIGHT, Float32Array, is_within
 
 Backend = Literal["auto", "numba", "numpy"]
 
@@ -253,7 +253,7 @@ def scatter(
     RuntimeError
         If numba is asked for and missing.
     """
-    if max(work.color.max(initial=0.0), -work.color.min(initial=0.0)) <= BRIGHT:
+    if is_within(work.color, BRIGHT):
         yield from _scatter(work, output, marks, backend)
     else:
         yield from _scatter_apart(work, output, marks, backend)
@@ -547,8 +547,11 @@ def _scatter_bands(
     """
     height, columns = output.shape[0], output.shape[1]
     channels = _channels(primaries, marks)
-    for band in jit.prange(first_band, end_band):
-        top = band * BAND_ROWS
+    half = (end_band - first_band + 1) // 2
+    for k in jit.prange(end_band - first_band):
+        n: Any = np.int64(k)
+        # A thread takes numbers that follow each other; bands beside each other have about as much in them.
+        top = (first_band + (2 * n if n < half else 2 * (n - half) + 1)) * BAND_ROWS
         bottom = min(top + BAND_ROWS, height)
         # Planes of whole, partly hidden, and hidden samples behind the focus: most need only the first.
         size = (bottom - top) * columns * channels
