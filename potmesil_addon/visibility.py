@@ -23,7 +23,7 @@ from .fragments import Fragments
 from .images import on_change
 from .lens import FloatArray, Lens
 from .pupil import transmission
-from .samples import BRIGHT, Float32Array
+from .samples import BRIGHT, Float32Array, is_within
 from .scatter import CELLS
 
 Visibility = Literal["aperture", "none"]
@@ -310,11 +310,11 @@ def decide(
         whole = Whole(0, float(fragments.radius.min()), float(fragments.radius.max()), is_part=False)
     limit = np.empty_like(fragments.radius)
     _find_limits(fragments.radius, fragments.slope, limit)
-    hidden, before = _to_decide(fragments, limit, cells.stretch, whole.top)
-    if hidden.size == 0 or (before.radius.size == 0 and not whole.is_part):
+    may_be, before = _to_decide(fragments, limit, cells.stretch, whole)
+    if before.radius.size == 0 and not whole.is_part:
         return Seen(*_seen_whole(coverage.shape), np.zeros((0, CELLS), dtype=np.uint16))
-    if side is not None:
-        hidden = _of_blocks(hidden, side)
+    hidden = np.flatnonzero(may_be if side is None else _of_blocks(may_be, side))
+    del may_be
     behind = _taken(fragments, hidden, limit, side, whole.top)
     shape = coverage.shape[1:]
     pinholes = cells.pinholes(_SPAN) if turn is None else cells.pinholes(2 * _SPAN, turn)
@@ -327,7 +327,7 @@ def decide(
         if bright.size:
             which, pinholes = partly[bright], cells.pinholes(1)
             farthest = _farthest_of(hidden[which], limit)
-            before = _hiding(fragments, farthest, limit, cells.stretch, whole.top)
+            before = _hiding(fragments, farthest, limit, cells.stretch, whole)
             squares = _squares_seen(before, _some(behind, which), pinholes, shape, whole, compiled)
             seen[which] = _shares(squares, cells.area, pinholes.span)
             mask[bright] = _masks(squares, behind.radius[which], pinholes.span)
@@ -355,8 +355,10 @@ def _that_show_their_shape(
 ) -> npt.NDArray[np.int64]:
     """Return which of fragments are so bright and so blurred that one sees the shape of their circle."""
     large = np.flatnonzero(np.abs(fragments.radius.reshape(-1)[which]) > LARGE)
-    light = fragments.color.reshape(-1, 4)[which[large], :3].mean(axis=1)
-    return np.asarray(large[light > brightest])
+    light = fragments.color.reshape(-1, 4).take(which[large], axis=0)
+    # Adding along so short an axis would take several times as long.
+    mean = (light[:, 0] + light[:, 1] + light[:, 2]) / np.float32(3.0)
+    return np.asarray(large[mean > brightest])
 
 
 def brightness_of_lights(color: Float32Array) -> float:
@@ -372,7 +374,7 @@ def brightness_of_lights(color: Float32Array) -> float:
     float
         Four times its mean, but for light that is out of all proportion.
     """
-    if color.max(initial=0.0) > BRIGHT or color.min(initial=0.0) < -BRIGHT:
+    if not is_within(color, BRIGHT):
         color = np.where(np.abs(color) > BRIGHT, np.float32(0.0), color)
     # Row is added to row, which takes a fraction of the time of adding along them.
     light = color.sum(axis=0, dtype=np.float64)[:, :3]
@@ -402,13 +404,11 @@ def _some(points: _Points, which: npt.NDArray[np.int64]) -> _Points:
     return _Points(*(values[which] for values in points))
 
 
-def _of_blocks(which: npt.NDArray[np.int64], side: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
-    """Return the places of the blocks that have some of the fragments whose places are given."""
-    some = np.zeros(side.shape, dtype=np.bool_)
-    some.reshape(-1)[which] = True
+def _of_blocks(some: npt.NDArray[np.bool_], side: npt.NDArray[np.uint8]) -> npt.NDArray[np.bool_]:
+    """Return at which fragments those blocks begin that have some of the given ones."""
     of_blocks = np.zeros_like(some)
     _find_blocks(some, side, of_blocks)
-    return np.flatnonzero(of_blocks)
+    return of_blocks
 
 
 @jit.kernel(parallel=True)
@@ -477,8 +477,8 @@ def _find_limits(radius: Any, slope: Any, limit: Any) -> None:
 
 
 def _to_decide(
-    fragments: Fragments, limit: Float32Array, stretch: float, top: int
-) -> tuple[npt.NDArray[np.int64], _Points]:
+    fragments: Fragments, limit: Float32Array, stretch: float, whole: Whole
+) -> tuple[npt.NDArray[np.bool_], _Points]:
     """Return which fragments something may hide in parts, and those that may hide them.
 
     A surface of radius r hides one of R from a point of the aperture only if they are no farther apart than
@@ -490,16 +490,17 @@ def _to_decide(
     cones = np.empty((2, *shape), dtype=np.float32)
     reach, nearest = np.empty((2, *tiles), dtype=np.float32)
     around = np.float32(stretch)
-    _look_around(fragments.coverage, fragments.radius, fragments.reach, around, cones, reach, nearest)
+    # Lower than this it does not matter how far away an edge is.
+    floor = np.float32((whole.lowest - whole.highest) * stretch - 3.0)
+    _look_around(fragments.coverage, fragments.radius, fragments.reach, around, floor, cones, reach, nearest)
     lowest = np.full(tiles, np.float32(np.inf))
     _spread_tiles(reach, nearest, lowest)
     _let_fall(cones)
     may_be = np.empty(limit.shape, dtype=np.bool_)
     farthest = np.empty(shape, dtype=np.float32)
     _mark_hidden(fragments.coverage, fragments.radius, limit, around, cones, lowest, may_be, farthest)
-    hidden = np.flatnonzero(may_be)
-    del may_be, cones
-    return hidden, _hiding(fragments, farthest, limit, stretch, top)
+    del cones
+    return may_be, _hiding(fragments, farthest, limit, stretch, whole)
 
 
 def _farthest_of(hidden: npt.NDArray[np.int64], limit: Float32Array) -> Float32Array:
@@ -514,42 +515,52 @@ def _farthest_of(hidden: npt.NDArray[np.int64], limit: Float32Array) -> Float32A
 
 
 def _hiding(
-    fragments: Fragments, farthest: Float32Array, limit: Float32Array, stretch: float, top: int
+    fragments: Fragments, farthest: Float32Array, limit: Float32Array, stretch: float, whole: Whole
 ) -> _Points:
     """Return the fragments that may hide those with the largest limits given, alike ones in squares.
 
     Those of one pixel come before the squares.
     """
-    cones = farthest[np.newaxis] * np.float32(stretch)
+    # What is lower has nothing below it: a cone ends there, not at the picture's border.
+    floor = np.float32(whole.lowest * stretch - _WIDTHS - 2.0)
+    cones = np.maximum(farthest[np.newaxis] * np.float32(stretch), floor)
     _let_fall(cones)
     side = np.empty(limit.shape, dtype=np.uint8)
     _mark_hiding(fragments.coverage, fragments.radius, farthest, np.float32(stretch), cones, side)
     del cones
     _put_in_squares(fragments.radius, fragments.coverage, side)
-    which = np.flatnonzero(side)
-    return _taken(fragments, which[np.argsort(side.reshape(-1)[which] > 1, kind="stable")], limit, side, top)
+    which = np.flatnonzero(side != 0)
+    which = which[np.argsort(side.reshape(-1)[which] > 1, kind="stable")]
+    return _taken(fragments, which, limit, side, whole.top)
 
 
 @jit.kernel(parallel=True)
 def _look_around(
-    coverage: Any, radius: Any, reach: Any, stretch: Any, cones: Any, reach_of_tiles: Any, nearest: Any
-) -> None:
+    coverage: Any, radius: Any, reach: Any, stretch: Any, floor: Any, cones: Any, reach_of_tiles: Any,
+    nearest: Any,
+) -> None:  # fmt: skip
     """Find peaks of cones over what is nearest and over edges, and how far those are felt in each tile."""
     sheets, rows, columns = radius.shape
     for number in jit.prange(nearest.shape[0]):
         v: Any = np.int64(number)
+        # Of each column first: whole rows are worked on several pixels at once.
+        felt, lowest = np.zeros(columns, dtype=np.float32), np.full(columns, np.float32(np.inf))
+        for y in range(v * _TILE, min((v + 1) * _TILE, rows)):
+            near, edges, distance = cones[0, y], cones[1, y], reach[y]
+            for x in range(columns):
+                near[x] = np.float32(np.inf)
+            for sheet in range(sheets):
+                radii, there = radius[sheet, y], coverage[sheet, y]
+                for x in range(columns):
+                    near[x] = min(near[x], radii[x] if there[x] > 0.0 else np.float32(np.inf))
+            for x in range(columns):
+                lowest[x] = min(lowest[x], near[x])
+                felt[x] = max(felt[x], distance[x] * stretch)
+                near[x] *= -stretch
+                edges[x] = floor if distance[x] == 0.0 else np.float32(0.0)
         for u in range(nearest.shape[1]):
-            felt, lowest = np.float32(0.0), np.float32(np.inf)
-            for y in range(v * _TILE, min((v + 1) * _TILE, rows)):
-                for x in range(u * _TILE, min((u + 1) * _TILE, columns)):
-                    near = np.float32(np.inf)
-                    for sheet in range(sheets):
-                        if coverage[sheet, y, x] > 0.0:
-                            near = min(near, radius[sheet, y, x])
-                    cones[0, y, x] = -near * stretch
-                    cones[1, y, x] = -np.float32(np.inf) if reach[y, x] == 0.0 else np.float32(0.0)
-                    felt, lowest = max(felt, reach[y, x] * stretch), min(lowest, near)
-            reach_of_tiles[v, u], nearest[v, u] = felt, lowest
+            tile = slice(u * _TILE, min((u + 1) * _TILE, columns))
+            reach_of_tiles[v, u], nearest[v, u] = felt[tile].max(), lowest[tile].min()
 
 
 @jit.kernel(parallel=True)
@@ -582,14 +593,26 @@ def _mark_hidden(
 def _mark_hiding(coverage: Any, radius: Any, farthest: Any, stretch: Any, cones: Any, side: Any) -> None:
     """Mark what may hide something, as squares of one pixel."""
     sheets, rows, columns = radius.shape
-    widths = np.float32(_WIDTHS)
+    one, widths = np.float32(1.0), np.float32(_WIDTHS)
     for row in jit.prange(rows):
         y: Any = np.int64(row)
-        for x in range(columns):
-            most = (_highest_beside(cones[0], y, x) + widths) / stretch
-            for sheet in range(sheets):
-                before = radius[sheet, y, x] <= most or radius[sheet, y, x] < farthest[y, x]
-                side[sheet, y, x] = 1 if before and coverage[sheet, y, x] > 0.0 else 0
+        most = np.empty(columns, dtype=np.float32)
+        most[0] = _highest_beside(cones[0], y, 0)
+        most[-1] = _highest_beside(cones[0], y, columns - 1)
+        # Counted from 0, which leaves no index to be tested for its sign.
+        here, above, below = cones[0, y], cones[0, max(y - 1, 0)], cones[0, min(y + 1, rows - 1)]
+        for i in range(columns - 2):
+            beside = max(here[i], here[i + 2])
+            if y > 0:
+                beside = max(beside, above[i], above[i + 1], above[i + 2])
+            if y < rows - 1:
+                beside = max(beside, below[i], below[i + 1], below[i + 2])
+            most[i + 1] = beside - one
+        for sheet in range(sheets):
+            radii, there, sides = radius[sheet, y], coverage[sheet, y], side[sheet, y]
+            for x in range(columns):
+                before = radii[x] <= (most[x] + widths) / stretch or radii[x] < farthest[y, x]
+                sides[x] = 1 if before and there[x] > 0.0 else 0
 
 
 @jit.kernel(parallel=True)
@@ -599,7 +622,8 @@ def _put_in_squares(radius: Any, coverage: Any, side: Any) -> None:
     strips = (rows + _LARGEST_SQUARE - 1) // _LARGEST_SQUARE
     for number in jit.prange(sheets * strips):
         n: Any = np.int64(number)
-        sheet, top = n // strips, n % strips * _LARGEST_SQUARE
+        # A thread takes numbers that follow each other: each gets strips of all sheets.
+        sheet, top = n % sheets, n // sheets * _LARGEST_SQUARE
         bottom = min(top + _LARGEST_SQUARE, rows)
         h = 1
         while h < _LARGEST_SQUARE:
@@ -616,36 +640,59 @@ def _put_in_squares(radius: Any, coverage: Any, side: Any) -> None:
             h *= 2
 
 
-@jit.kernel(parallel=True)
-def _let_fall(cones: Any) -> None:
+def _let_fall(cones: Float32Array) -> None:
     """Turn peaks, in place, into how high the highest cone is over each pixel.
 
-    They fall by 1 for each pixel.
+    They fall by 1 for each pixel, across corners as along lines: down and to the right, then up and to the
+    left. Whatever is the highest is so in any order, so that rows can be divided among threads.
     """
-    for number in jit.prange(cones.shape[0]):
+    strips = min(-(-jit.set_thread_count(None) // len(cones)), cones.shape[1])
+    for step in (1, -1):
+        _fall_in_strips(cones, strips, step)
+
+
+@jit.kernel(parallel=True)
+def _fall_in_strips(cones: Any, strips: int, step: int) -> None:
+    """Let cones fall in each strip of rows by itself, then from strip to strip."""
+    rows = cones.shape[1]
+    for number in jit.prange(cones.shape[0] * strips):
         n: Any = np.int64(number)
-        _fall(cones[n])
-        _fall(cones[n, ::-1, ::-1])
+        sheet, strip = n // strips, n % strips
+        _fall(cones[sheet], rows * strip // strips, rows * (strip + 1) // strips, step, False)
+    for heights in cones:
+        for n in range(1, strips):
+            edge = rows * (n if step > 0 else strips - n) // strips
+            _fall(heights, edge if step > 0 else 0, rows if step > 0 else edge, step, True)
 
 
 @jit.kernel()
-def _fall(heights: Any) -> None:
-    """Let cones fall to the right and down; across corners as far as along lines."""
-    rows, columns = heights.shape
+def _fall(heights: Any, begin: int, end: int, step: int, goes_on: bool) -> None:
+    """Let cones fall on some rows; with `goes_on` those before them fall on, as far as they are seen."""
+    columns = heights.shape[1]
     one = np.float32(1.0)
-    for y in range(rows):
-        if y > 0:
-            for x in range(columns):
-                above = heights[y - 1, x]
-                if x > 0:
-                    above = max(above, heights[y - 1, x - 1])
-                if x < columns - 1:
-                    above = max(above, heights[y - 1, x + 1])
-                heights[y, x] = max(heights[y, x], above - one)
-        before = heights[y, 0]
-        for x in range(1, columns):
-            before = max(heights[y, x], before - one)
-            heights[y, x] = before
+    first = begin if step > 0 else end - 1
+    for k in range(end - begin):
+        y = first + k * step
+        here = heights[y]
+        if k > 0 or goes_on:
+            above, changed = heights[y - step], False
+            for x, beside in ((0, min(1, columns - 1)), (columns - 1, max(columns - 2, 0))):
+                highest = max(above[x], above[beside]) - one
+                changed |= highest > here[x]
+                here[x] = max(here[x], highest)
+            # Counted from 0, which leaves no index to be tested for its sign.
+            middle, left, right = here[1:], above[1:], above[2:]
+            for x in range(columns - 2):
+                highest = max(above[x], left[x], right[x]) - one
+                changed |= highest > middle[x]
+                middle[x] = max(middle[x], highest)
+            if goes_on and not changed:
+                return
+        before = here[0 if step > 0 else columns - 1]
+        for i in range(1, columns):
+            x = i if step > 0 else columns - 1 - i
+            before = max(here[x], before - one)
+            here[x] = before
 
 
 @jit.kernel(inline=True)

@@ -889,3 +889,17 @@ def test_blocks_of_wide_pictures_are_found_without_numba() -> None:
     found = np.zeros_like(some)
     getattr(visibility._find_blocks, "py_func", visibility._find_blocks)(some, side, found)
     assert np.argwhere(found).tolist() == [[0, 0, 254], [0, 0, 298]]
+
+
+@pytest.mark.parametrize("shape", [(1, 9), (9, 1), (2, 3), (40, 31)])
+@pytest.mark.parametrize("strips", [1, 2, 5])
+def test_cones_fall_alike_however_rows_are_divided(shape: tuple[int, int], strips: int) -> None:
+    rng = np.random.default_rng(5)
+    peaks = np.where(rng.random((2, *shape)) < 0.05, rng.integers(0, 20, (2, *shape)), -15).astype(np.float32)
+    peaks[1, 0, 0] = np.inf
+    y, x = np.mgrid[: shape[0], : shape[1]].reshape(2, -1, 1, 1)
+    away = np.maximum(abs(y - np.arange(shape[0])[:, np.newaxis]), abs(x - np.arange(shape[1])))
+    expected = (peaks[:, np.newaxis] - away).max(axis=(2, 3)).reshape(peaks.shape)
+    for step in (1, -1):
+        visibility._fall_in_strips(peaks, min(strips, shape[0]), step)
+    np.testing.assert_array_equal(peaks, expected)
