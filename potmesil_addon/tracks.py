@@ -28,9 +28,6 @@ _TIE: Final = 1e-3
 _NO_VECTOR: Final = 1e-3
 """Pixels below which a whole layer's vectors to one side count as not there."""
 
-_OTHER_INDEX: Final = 1e3
-"""Handicap of an object whose index is not the sample's, where every sample has to belong to one."""
-
 
 @dataclass(frozen=True, slots=True)
 class Tracks:
@@ -109,16 +106,17 @@ def _by_boxes(
     best = np.full(shape, np.inf if all_move else 1.0 + 3.0 * _TIE)
     track = np.zeros(shape, dtype=np.int32)
     finite = np.isfinite(layer.depth) & (layer.color[..., 3] > 0.0)
+    anyones = np.zeros(shape, dtype=bool)
+    if all_move and layer.object_index is not None:
+        # Where every sample has to belong to some object: those whose index no object has.
+        anyones = ~np.isin(layer.object_index, [path.object_index for path in paths.objects])
     origin = sample_origin(samples)
     for number, path in enumerate(paths.objects, start=1):
         to_pixels = paths.camera.at(0.0) @ path.at(0.0)
         part = (slice(None), slice(None)) if all_move else _window_of(path.box, to_pixels, origin, shape)
         candidate = finite[part]
-        other = np.zeros(candidate.shape)
         if layer.object_index is not None:
-            same = layer.object_index[part] == path.object_index
-            other = np.where(same, 0.0, _OTHER_INDEX)
-            candidate = candidate & (same | all_move)
+            candidate = candidate & ((layer.object_index[part] == path.object_index) | anyones[part])
         rows, columns = np.nonzero(candidate)
         if rows.size == 0:
             continue
@@ -132,7 +130,7 @@ def _by_boxes(
         margin = _BOX_MARGIN * half.max() + _DEPTH_MARGIN * depth[:, np.newaxis] / max(scale, 1e-12)
         axes = np.abs(local - path.box.mean(axis=0)) / (half + margin)
         # Where the worst axis tells nothing apart, the others do.
-        off = axes.max(axis=1) + _TIE * axes.sum(axis=1) + other[rows, columns]
+        off = axes.max(axis=1) + _TIE * axes.sum(axis=1)
         better = off < best[part][rows, columns]
         at = (rows[better] + (part[0].start or 0), columns[better] + (part[1].start or 0))
         best[at] = off[better]
