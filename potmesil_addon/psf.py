@@ -351,17 +351,21 @@ class PsfBuilder:
                 yield _disc_rows(*self._radii(0.5 * float(circle)), self.position, of_block)
         else:
             for circle, of_block in zip(circles, sides, strict=True):
-                yield widened(self._polygon_table(float(circle)), of_block)
+                yield self._polygon_table(float(circle), of_block)
 
-    def _polygon_table(self, circle: float) -> RowDifferences:
-        """Return the table of a single sample, which no other picture is likely to have."""
-        lens = self.lens
-        corners = polygon_vertices(lens.blades, lens.blade_rotation, lens.anamorphic_ratio)
+    def _polygon_table(self, circle: float, side: int) -> RowDifferences:
+        """Make the table of a block of samples, or take that of an earlier frame."""
+        lens, film = self.lens, self.film
+        iris = lens.blades, lens.blade_rotation, lens.anamorphic_ratio
         # Beyond the plane in focus the aperture's image stands upright, before it on its head.
         # Pixel rows count downwards.
-        corners = corners * [0.5 / self.film.pitch_x, -0.5 / self.film.pitch_y]
-        size = math.copysign(max(abs(circle), _LEAST_POLYGON * self.film.pitch_x), circle)
-        return polygon_rows(corners * size, self.position)
+        scale = 0.5 / film.pitch_x, -0.5 / film.pitch_y
+        size = math.copysign(max(abs(circle), _LEAST_POLYGON * film.pitch_x), circle)
+
+        def make() -> RowDifferences:
+            return widened(polygon_rows(polygon_vertices(*iris) * scale * size, self.position), side)
+
+        return KEPT_TABLES.get((iris, scale, size, self.position, side), make)
 
     def pack(self, tables: list[RowDifferences]) -> PackedTables:
         """Put tables into flat arrays.

@@ -311,10 +311,10 @@ def decide(
     limit = np.empty_like(fragments.radius)
     _find_limits(fragments.radius, fragments.slope, limit)
     may_be, before = _to_decide(fragments, limit, cells.stretch, whole)
-    if before.radius.size == 0 and not whole.is_part:
-        return Seen(*_seen_whole(coverage.shape), np.zeros((0, CELLS), dtype=np.uint16))
     hidden = np.flatnonzero(may_be if side is None else _of_blocks(may_be, side))
     del may_be
+    if hidden.size == 0 or (before.radius.size == 0 and not whole.is_part):
+        return Seen(*_seen_whole(coverage.shape), np.zeros((0, CELLS), dtype=np.uint16))
     behind = _taken(fragments, hidden, limit, side, whole.top)
     shape = coverage.shape[1:]
     pinholes = cells.pinholes(_SPAN) if turn is None else cells.pinholes(2 * _SPAN, turn)

@@ -230,6 +230,20 @@ def test_lommel_tables_are_kept_for_the_next_frame() -> None:
     assert first[3] is not next(other.tables(circles[3:]))
 
 
+def test_polygon_tables_are_kept_for_the_next_frame() -> None:
+    iris = builder({"lens": lens(5, 0.3)})
+    circles = np.array([-12.0, 5.0, 5.0, 12.0]) * PITCH
+    sides = np.array([2, 1, 1, 1])
+    first, second = list(iris.tables(circles, sides)), list(iris.tables(circles, sides))
+    assert all(a is b for a, b in zip(first, second, strict=True))
+    assert first[1] is first[2]
+    assert first[0].block == 2
+    # Beyond the focus the iris is seen on its head; another iris has others.
+    assert first[3] is not next(iris.tables(-circles[3:]))
+    turned = builder({"lens": lens(5, 0.4)})
+    assert first[3] is not next(turned.tables(circles[3:]))
+
+
 def test_kept_lommel_tables_do_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     made = builder({"lens": lens(), "settings": PsfSettings(kind="lommel")})
     circles = np.arange(1.0, 30.0) * PITCH
