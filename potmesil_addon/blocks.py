@@ -94,10 +94,9 @@ def put_in_blocks(
     mark = NO_MARKS if marks is None else marks
     put(color, weight, table, *mark, marks is not None, brightest, least_alpha, circles, begin, lowest)
     is_used = tables_used(table, circles.size)
-    compact = np.cumsum(is_used, dtype=np.int32) - np.int32(1)
     used = np.flatnonzero(is_used)
     side = 1 << np.searchsorted(begin, used, side="right")
-    renumber(table, compact)
+    renumber(table, is_used)
     return TableAssignment(circles[used] * pitch, table, None), side
 
 

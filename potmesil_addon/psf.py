@@ -315,9 +315,7 @@ class PsfBuilder:
                 f"The picture needs {values.size} tables of point-spread functions and {MAX_TABLES} is the "
                 "most; use a larger step between them or tables at equal steps of the circle."
             )
-        compact = np.zeros(used.size, dtype=np.int32)
-        compact[values] = np.arange(values.size)
-        renumber(index, compact)
+        renumber(index, used)
         return TableAssignment(circles=steps.circle(values + first), table=index, fraction=fraction)
 
     def tables(
@@ -547,16 +545,17 @@ def _mark_used(index: Any, used: Any) -> None:
         used[np.uint64(index[k])] = True
 
 
-def renumber(table: npt.NDArray[np.int32], number: npt.NDArray[np.int32]) -> None:
-    """Give tables other numbers, in place.
+def renumber(table: npt.NDArray[np.int32], used: npt.NDArray[np.bool_]) -> None:
+    """Give the tables that are used numbers from 0 on without gaps, in place.
 
     Parameters
     ----------
     table : ndarray of int32
         Each sample's table, any shape, C-contiguous.
-    number : ndarray of int32 of shape (count,)
-        The number that each table is to have.
+    used : ndarray of bool of shape (count,)
+        Which tables have a number then: all that samples have, at least.
     """
+    number = np.cumsum(used, dtype=np.int32) - np.int32(1)
     if jit.HAVE_NUMBA:
         _renumber(table.reshape(-1), number)
     else:

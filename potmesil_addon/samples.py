@@ -22,11 +22,11 @@ Float32Array = npt.NDArray[np.float32]
 BRIGHTEST: Final = 1e36
 """Light past which a colour counts as this much, so that sums of some stay in single precision's range."""
 
-_AT_ONCE: Final = 1 << 18
-"""Values that are looked at before the next ones are."""
-
 BRIGHT: Final = float(1 << 30)
 """Light past which a sample tells nothing of those around it, and rounding in its sums would show there."""
+
+_AT_ONCE: Final = 1 << 18
+"""Values that are looked at before the next ones are."""
 
 _POINT_VARIANCE: Final = 0.02
 """Variance in sample pixels squared below which a sample is a point, and mixes no surfaces."""

@@ -216,32 +216,32 @@ def test_lommel_annuli_are_fine_enough(circle_px: float, f_stop: float) -> None:
     assert float(np.abs(on_canvas(table, pixels)[1] - expected).sum()) < 3e-4
 
 
-def test_lommel_tables_are_kept_for_the_next_frame() -> None:
-    made = builder({"lens": lens(), "settings": PsfSettings(kind="lommel")})
+@pytest.mark.parametrize(
+    ("options", "other", "stands_on_its_head"),
+    [
+        # Before and beyond the focus a diffraction pattern is the same, and an iris is not.
+        (
+            {"lens": lens(), "settings": PsfSettings(kind="lommel")},
+            {"lens": lens(f_stop=7.9), "settings": PsfSettings(kind="lommel")},
+            False,
+        ),
+        ({"lens": lens(5, 0.3)}, {"lens": lens(5, 0.4)}, True),
+    ],
+    ids=["lommel", "polygon"],
+)
+def test_tables_are_kept_for_the_next_frame(
+    options: dict[str, Any], other: dict[str, Any], stands_on_its_head: bool
+) -> None:
+    made = builder(options)
     circles = np.array([-12.0, 5.0, 5.0, 12.0]) * PITCH
     sides = np.array([2, 1, 1, 1])
     first, second = list(made.tables(circles, sides)), list(made.tables(circles, sides))
     assert all(a is b for a, b in zip(first, second, strict=True))
     assert first[1] is first[2]
     assert first[0].block == 2
-    # Before and beyond the focus the pattern is the same; another lens has others.
-    assert first[3] is next(made.tables(-circles[3:]))
-    other = builder({"lens": lens(f_stop=7.9), "settings": PsfSettings(kind="lommel")})
-    assert first[3] is not next(other.tables(circles[3:]))
-
-
-def test_polygon_tables_are_kept_for_the_next_frame() -> None:
-    iris = builder({"lens": lens(5, 0.3)})
-    circles = np.array([-12.0, 5.0, 5.0, 12.0]) * PITCH
-    sides = np.array([2, 1, 1, 1])
-    first, second = list(iris.tables(circles, sides)), list(iris.tables(circles, sides))
-    assert all(a is b for a, b in zip(first, second, strict=True))
-    assert first[1] is first[2]
-    assert first[0].block == 2
-    # Beyond the focus the iris is seen on its head; another iris has others.
-    assert first[3] is not next(iris.tables(-circles[3:]))
-    turned = builder({"lens": lens(5, 0.4)})
-    assert first[3] is not next(turned.tables(circles[3:]))
+    assert (first[3] is not next(made.tables(-circles[3:]))) == stands_on_its_head
+    # Another lens has others.
+    assert first[3] is not next(builder(other).tables(circles[3:]))
 
 
 def test_kept_lommel_tables_do_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
